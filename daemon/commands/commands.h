@@ -1,0 +1,16 @@
+// The program's commands, one .cpp file each. Every function adds its command to the program with help and
+// callback.
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace lampglow::daemon {
+
+void add_version(CLI::App& program);
+
+// All of the above, in the order in which the help shows them.
+void add_commands(CLI::App& program);
+
+}  // namespace lampglow::daemon

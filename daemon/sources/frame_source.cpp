@@ -1,0 +1,1 @@
+#include "daemon/sources/frame_source.h"

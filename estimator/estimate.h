@@ -1,0 +1,25 @@
+// The pipeline: one frame in, what it says about the air out. A pure function of what is passed in.
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "estimator/inference/reference.h"
+#include "estimator/observation.h"
+#include "estimator/photometry/exposure.h"
+#include "estimator/site.h"
+
+namespace lampglow {
+
+struct EstimatorOptions {};
+
+// The clear reference from one or several clear brackets; empty if none of them shows a lamp of the
+// catalogue.
+std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
+                                              const EstimatorOptions& options);
+
+// Never throws for a bad frame: the result then has flags and a reason, and no value.
+FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
+                     const EstimatorOptions& options);
+
+}  // namespace lampglow
