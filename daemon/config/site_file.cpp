@@ -1,0 +1,251 @@
+#include "daemon/config/site_file.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <set>
+
+#include "daemon/config/csv.h"
+#include "daemon/config/files.h"
+#include "daemon/config/problems.h"
+#include "daemon/errors.h"
+
+namespace lampglow::daemon {
+namespace {
+
+constexpr int kMaxSide_px = 32767;
+
+// Relative, and without any step upwards.
+bool stays_inside(const std::filesystem::path& path) {
+  if (path.empty() || path.is_absolute()) return false;
+  for (const auto& part : path)
+    if (part == "..") return false;
+  return true;
+}
+
+Response read_response(ConfigTable& camera, int bit_depth, const std::filesystem::path& folder) {
+  Response response;
+  const std::string text = camera.required_text("response");
+  if (text.empty() || text == "linear") return response;
+  if (text == "srgb") {
+    response.kind = Response::Kind::srgb;
+    return response;
+  }
+  response.kind = Response::Kind::curve;
+  if (!stays_inside(text) || std::filesystem::is_symlink(folder / text)) {
+    camera.problem("response",
+                   "expected \"linear\", \"srgb\" or a CSV file within the site file's folder, got " +
+                       format_text(text));
+    return response;
+  }
+  try {
+    if (bit_depth >= 8) response.curve = read_response_curve(folder / text, bit_depth);
+  } catch (const CommandError& error) {
+    camera.problem(
+        "response",
+        std::string("expected \"linear\", \"srgb\" or a file with a measured curve; ") + error.what());
+  }
+  return response;
+}
+
+Camera read_camera(ConfigTable table, const std::filesystem::path& folder) {
+  Camera camera;
+  camera.width_px = static_cast<int>(table.required_integer("width_px", 1, kMaxSide_px));
+  camera.height_px = static_cast<int>(table.required_integer("height_px", 1, kMaxSide_px));
+  camera.focal_length_px = table.number("focal_length_px", kPositive);
+  const auto principal = table.numbers("principal_point_px", 2);
+  camera.principal_x_px = principal ? principal->at(0) : camera.width_px / 2.0;
+  camera.principal_y_px = principal ? principal->at(1) : camera.height_px / 2.0;
+  camera.bit_depth = static_cast<int>(table.required_integer("bit_depth", 8, 16));
+  const double highest_dn = camera.bit_depth >= 8 ? std::ldexp(1.0, camera.bit_depth) - 1 : 65535.0;
+  camera.black_level_dn = table.required_number("black_level_dn", {0, highest_dn});
+  camera.saturation_dn = table.required_number("saturation_dn", {1, highest_dn});
+  if (table.has("black_level_dn") && table.has("saturation_dn") && camera.saturation_dn > 0 &&
+      camera.black_level_dn >= camera.saturation_dn)
+    table.problem("black_level_dn", "expected a number below saturation_dn");
+  camera.response = read_response(table, camera.bit_depth, folder);
+  camera.read_noise_dn = table.number("read_noise_dn", kNotNegative);
+  camera.gain_dn_per_electron = table.number("gain_dn_per_electron", kPositive);
+  return camera;
+}
+
+NumberRange across(int side_px) {
+  return {0.0, static_cast<double>(side_px > 0 ? side_px : kMaxSide_px)};
+}
+
+// An identifier stands in the database, in URLs and in CSV; so it is short and holds no spaces.
+std::string read_id(ConfigTable& table, std::set<std::string>& taken) {
+  const std::string id = table.required_text("id");
+  if (!table.has("id")) return id;
+  const bool plain =
+      !id.empty() && id.size() <= 64 &&
+      id.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-") ==
+          std::string::npos;
+  if (!plain)
+    table.problem("id", "expected 1 to 64 letters, digits, '_', '.' or '-', got " + format_text(id));
+  else if (!taken.insert(id).second)
+    table.problem("id", "expected an id of its own, " + format_text(id) + " stands twice");
+  return id;
+}
+
+Light read_light(ConfigTable& table, const Camera& camera, std::set<std::string>& taken) {
+  Light light;
+  light.id = read_id(table, taken);
+  light.x_px = table.required_number("x_px", across(camera.width_px));
+  light.y_px = table.required_number("y_px", across(camera.height_px));
+  light.distance_m = table.number("distance_m", kPositive);
+  light.distance_sigma_m = table.number("distance_sigma_m", kNotNegative);
+  return light;
+}
+
+Target read_target(ConfigTable& table, const Camera& camera, std::set<std::string>& taken) {
+  Target target;
+  target.id = read_id(table, taken);
+  if (!table.has("box_px"))
+    table.problem("box_px", "is missing; expected a list of 4 numbers: x, y, width, height");
+  if (const auto box = table.numbers("box_px", 4, kNotNegative)) {
+    target.x_px = box->at(0);
+    target.y_px = box->at(1);
+    target.width_px = box->at(2);
+    target.height_px = box->at(3);
+    if (target.width_px < 1 || target.height_px < 1 || target.x_px + target.width_px > camera.width_px ||
+        target.y_px + target.height_px > camera.height_px)
+      table.problem("box_px",
+                    "expected x, y, width, height of a box within the picture, at least 1 px wide and high");
+  }
+  target.distance_m = table.number("distance_m", kPositive);
+  target.distance_sigma_m = table.number("distance_sigma_m", kNotNegative);
+  return target;
+}
+
+std::string line(std::string_view key, double value) {
+  return fmt::format("{} = {}\n", key, format_number(value));
+}
+
+std::string line(std::string_view key, const std::optional<double>& value) {
+  return value ? line(key, *value) : "";
+}
+
+std::string response_text(const Response& response, const std::string& response_file) {
+  switch (response.kind) {
+    case Response::Kind::linear:
+      return "linear";
+    case Response::Kind::srgb:
+      return "srgb";
+    case Response::Kind::curve:
+      break;
+  }
+  return response_file;
+}
+
+std::string format_camera(const Camera& camera, const std::string& response_file) {
+  std::string text = "[camera]\n";
+  text += fmt::format("width_px = {}\nheight_px = {}\n", camera.width_px, camera.height_px);
+  text += line("focal_length_px", camera.focal_length_px);
+  text += fmt::format("principal_point_px = [{}, {}]\n", format_number(camera.principal_x_px),
+                      format_number(camera.principal_y_px));
+  text += fmt::format("bit_depth = {}\n", camera.bit_depth);
+  text += line("black_level_dn", camera.black_level_dn);
+  text += line("saturation_dn", camera.saturation_dn);
+  text += fmt::format("response = {}\n", format_text(response_text(camera.response, response_file)));
+  text += line("read_noise_dn", camera.read_noise_dn);
+  text += line("gain_dn_per_electron", camera.gain_dn_per_electron);
+  return text;
+}
+
+}  // namespace
+
+Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) {
+  Site site;
+  ConfigTable place = tables.required_table("site");
+  site.name = place.required_text("name");
+  site.latitude_deg = place.number("latitude_deg", {-90, 90});
+  site.longitude_deg = place.number("longitude_deg", {-180, 180});
+  site.elevation_m = place.number("elevation_m", {-500, 9000});
+  site.camera = read_camera(tables.required_table("camera"), folder);
+  std::set<std::string> light_ids, target_ids;
+  for (ConfigTable& table : tables.tables("light"))
+    site.lights.push_back(read_light(table, site.camera, light_ids));
+  for (ConfigTable& table : tables.tables("target"))
+    site.targets.push_back(read_target(table, site.camera, target_ids));
+  return site;
+}
+
+Site parse_site(std::string_view text, const std::string& name, const std::filesystem::path& folder) {
+  ConfigFile file(text, name);
+  ConfigTable root = file.root();
+  Site site = read_site_tables(root, folder);
+  file.finish();
+  return site;
+}
+
+Site read_site_file(const std::filesystem::path& path) {
+  return parse_site(read_text_file(path), path.string(), path.parent_path());
+}
+
+std::vector<double> read_response_curve(const std::filesystem::path& path, int bit_depth) {
+  Problems problems(path.string());
+  const CsvTable table = parse_csv(read_text_file(path), problems);
+  const auto places = find_columns(table, {"dn", "relative_radiance"}, problems);
+  problems.throw_data_error();
+  const std::size_t levels = std::size_t{1} << bit_depth;
+  if (table.rows.size() != levels)
+    problems.add(1, 1, "dn",
+                 fmt::format("expected {} rows, 0 to {}, got {}", levels, levels - 1, table.rows.size()));
+  std::vector<double> curve;
+  for (const auto& row : table.rows) {
+    const CsvCell& dn = row[*places[0]];
+    const CsvCell& radiance = row[*places[1]];
+    if (dn.text != std::to_string(curve.size()))
+      problems.add(dn.line, dn.column, "dn", fmt::format("expected {}, got \"{}\"", curve.size(), dn.text));
+    const auto value = parse_number(radiance.text);
+    if (!value || *value < 0 || (!curve.empty() && *value < curve.back()))
+      problems.add(radiance.line, radiance.column, "relative_radiance",
+                   fmt::format("expected a number of at least 0 that is not below the row before, got \"{}\"",
+                               radiance.text));
+    curve.push_back(value.value_or(curve.empty() ? 0 : curve.back()));
+  }
+  if (!curve.empty() && curve.back() <= curve.front())
+    problems.add(1, 1, "relative_radiance", "expected a curve that rises, it is flat");
+  problems.throw_data_error();
+  return curve;
+}
+
+std::string format_response_curve(const std::vector<double>& curve) {
+  std::string text = "dn,relative_radiance\n";
+  for (std::size_t dn = 0; dn < curve.size(); ++dn) text += fmt::format("{},{}\n", dn, curve[dn]);
+  return text;
+}
+
+std::string format_light(const Light& light) {
+  return "[[light]]\n" + fmt::format("id = {}\n", format_text(light.id)) + line("x_px", light.x_px) +
+         line("y_px", light.y_px) + line("distance_m", light.distance_m) +
+         line("distance_sigma_m", light.distance_sigma_m);
+}
+
+std::string format_target(const Target& target) {
+  return "[[target]]\n" + fmt::format("id = {}\n", format_text(target.id)) +
+         fmt::format("box_px = [{}, {}, {}, {}]\n", format_number(target.x_px), format_number(target.y_px),
+                     format_number(target.width_px), format_number(target.height_px)) +
+         line("distance_m", target.distance_m) + line("distance_sigma_m", target.distance_sigma_m);
+}
+
+std::string format_site(const Site& site, const std::string& response_file) {
+  std::string text = fmt::format("[site]\nname = {}\n", format_text(site.name));
+  text += line("latitude_deg", site.latitude_deg) + line("longitude_deg", site.longitude_deg) +
+          line("elevation_m", site.elevation_m);
+  text += "\n" + format_camera(site.camera, response_file);
+  for (const Light& light : site.lights) text += "\n" + format_light(light);
+  for (const Target& target : site.targets) text += "\n" + format_target(target);
+  return text;
+}
+
+void write_site_file(const std::filesystem::path& path, const Site& site) {
+  const std::string response_file = path.stem().string() + "_response.csv";
+  if (site.camera.response.kind == Response::Kind::curve)
+    write_file_atomically(path.parent_path() / response_file,
+                          format_response_curve(site.camera.response.curve));
+  write_file_atomically(path, format_site(site, response_file));
+}
+
+}  // namespace lampglow::daemon
