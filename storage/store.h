@@ -1,1 +1,63 @@
+// The writer: one per database and one thread at a time. Readers (storage/reader.h) may run beside it.
 #pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "estimator/observation.h"
+#include "estimator/site.h"
+#include "storage/error.h"
+#include "storage/records.h"
+
+namespace lampglow::storage {
+
+struct StoreOptions {
+  int batch_frames = 64;  // put() commits by itself after so many frames; 1: every frame, for a live station
+  int busy_timeout_ms = 5000;  // how long to wait for a lock that another process holds
+  bool keep_ring_profiles = true;
+};
+
+class Store {
+ public:
+  // Opens the database, makes it if there is none, and migrates an older one. WAL, synchronous NORMAL,
+  // incremental auto-vacuum, foreign keys on. Throws StorageError.
+  explicit Store(const std::filesystem::path& file, const StoreOptions& options = {});
+  ~Store();  // commits what is pending; errors are lost here, so call commit() first
+  Store(Store&&) noexcept;
+  Store& operator=(Store&&) noexcept;
+
+  // The camera of that name, made if there is none, with its site's place and lamps as they are now. Lamps
+  // that moved or got another distance have a new reference entry from the next frame on.
+  CameraNumber upsert_camera(const std::string& name, const Site& site);
+
+  // Stores a frame's whole result: frame record, observation, per-lamp fits, ring profiles. A frame of the
+  // same camera and time is replaced, so that storing twice is storing once. Means of the touched periods are
+  // renewed at the commit. The content depends on the frames and their order alone.
+  void put(CameraNumber camera, const FrameResult& result);
+
+  // Stores an event at once (with what is pending) and returns its number.
+  std::int64_t put_event(const Event& event);
+
+  // Notes a kept picture; the file is the caller's.
+  void put_picture(CameraNumber camera, const PictureRecord& picture);
+  void erase_picture(const PictureRecord& picture);
+
+  void commit();
+  // Drops what is pending, after an error (disk full), so that the next put() starts afresh.
+  void rollback() noexcept;
+  int pending_frames() const;
+
+  // Moves the WAL into the database and truncates it, with a sync: what a power cut can lose is what came
+  // after.
+  void checkpoint();
+
+  struct Impl;
+
+ private:
+  std::unique_ptr<Impl> impl_;
+  friend class Retention;
+};
+
+}  // namespace lampglow::storage
