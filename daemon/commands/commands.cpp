@@ -3,7 +3,9 @@
 namespace lampglow::daemon {
 
 void add_commands(CLI::App& program) {
+  add_check_config(program);
   add_version(program);
+  add_man(program);
 }
 
 }  // namespace lampglow::daemon
