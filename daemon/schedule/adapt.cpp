@@ -8,9 +8,9 @@ namespace lampglow::daemon {
 namespace {
 
 struct Measured {
-  double peak = 0;    // of the lamps, as share of the range over black; 1 is saturated
-  double sky = 0;     // median, the same unit
-  double noise = 0;   // one standard deviation of a pixel, the same unit
+  double peak = 0;   // of the lamps, as share of the range over black; 1 is saturated
+  double sky = 0;    // median, the same unit
+  double noise = 0;  // one standard deviation of a pixel, the same unit
 };
 
 // The n-th largest of all pixels.
@@ -55,10 +55,13 @@ double longest_factor(const Measured& sky) {
 }
 
 // Shortest to longest in equal ratios of at most largest_step.
-std::vector<ExposureSetting> ladder_between(double shortest_s, double longest_s, std::optional<double> gain_db,
-                                            const AdaptOptions& options) {
+std::vector<ExposureSetting> ladder_between(double shortest_s, double longest_s,
+                                            std::optional<double> gain_db, const AdaptOptions& options) {
   const double ratio = longest_s / shortest_s;
-  const int wanted = ratio <= 1.0001 ? 1 : 1 + static_cast<int>(std::ceil(std::log(ratio) / std::log(options.largest_step) - 1e-6));
+  const int wanted =
+      ratio <= 1.0001
+          ? 1
+          : 1 + static_cast<int>(std::ceil(std::log(ratio) / std::log(options.largest_step) - 1e-6));
   const int count = std::clamp(wanted, 1, std::max(options.most_exposures, 1));
   std::vector<ExposureSetting> bracket;
   for (int i = 0; i < count; ++i) {
@@ -70,9 +73,11 @@ std::vector<ExposureSetting> ladder_between(double shortest_s, double longest_s,
 
 }  // namespace
 
-std::vector<ExposureSetting> adapt_bracket(const std::vector<ExposureSetting>& current, const Bracket& bracket,
-                                           const AdaptOptions& options) {
-  const auto unknown = [](const Exposure& exposure) { return !exposure.exposure_s || exposure.pixels.empty(); };
+std::vector<ExposureSetting> adapt_bracket(const std::vector<ExposureSetting>& current,
+                                           const Bracket& bracket, const AdaptOptions& options) {
+  const auto unknown = [](const Exposure& exposure) {
+    return !exposure.exposure_s || exposure.pixels.empty();
+  };
   if (bracket.exposures.empty() || std::ranges::any_of(bracket.exposures, unknown)) return current;
   const auto [shortest, longest] = std::ranges::minmax_element(
       bracket.exposures, {}, [](const Exposure& exposure) { return *exposure.exposure_s; });

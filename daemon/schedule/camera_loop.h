@@ -1,5 +1,5 @@
-// One camera's thread: waits for the schedule, takes a bracket, checks it, and tells what came of it. A camera
-// that fails is tried again on the reconnect ladder and delays nobody but itself.
+// One camera's thread: waits for the schedule, takes a bracket, checks it, and tells what came of it. A
+// camera that fails is tried again on the reconnect ladder and delays nobody but itself.
 #pragma once
 
 #include <chrono>
@@ -24,11 +24,11 @@ namespace lampglow::daemon {
 struct CameraLoopOptions {
   std::string id;  // the camera's name in the configuration
   ScheduleOptions schedule;
-  std::optional<Place> place;     // of the site; empty: night and day can't be told apart
-  FrameCheckOptions checks;       // size, depth, frozen after so many
-  std::optional<AdaptOptions> adapt;  // the bracket's adaptation; empty: fixed settings
+  std::optional<Place> place{};                   // of the site; empty: night and day can't be told apart
+  FrameCheckOptions checks;                     // size, depth, frozen after so many
+  std::optional<AdaptOptions> adapt{};            // the bracket's adaptation; empty: fixed settings
   std::chrono::milliseconds clock_step{2'000};  // UTC moved this much against monotonic: a clock step
-  std::uint64_t seed = 1;         // of the ladder's jitter
+  std::uint64_t seed = 1;                       // of the ladder's jitter
 };
 
 // What came of one scheduled slot. Every slot gets exactly one.
@@ -38,34 +38,35 @@ struct SlotReport {
   // Always there, so that every slot has a record: with exposures if all is well; else without, its `quality`
   // and `fault` say why. Its time_utc is the picture's, or the slot's where there is no picture.
   Bracket bracket;
-  Fault fault = Fault::none;  // why there is no usable picture
-  int attempts = 0;           // tries in this slot
+  Fault fault = Fault::none;             // why there is no usable picture
+  int attempts = 0;                      // tries in this slot
   std::chrono::milliseconds latency{0};  // of the last try
 };
 
-// A change in a camera's health: a fault began or changed its reason, the camera recovered, the clock stepped.
+// A change in a camera's health: a fault began or changed its reason, the camera recovered, the clock
+// stepped.
 struct CameraEvent {
   std::string camera;
   TimePoint time_utc{};
-  Fault fault = Fault::none;  // none: recovered
-  std::string message;        // no secrets in it
+  Fault fault = Fault::none;            // none: recovered
+  std::string message;                  // no secrets in it
   std::chrono::milliseconds lasted{0};  // recovered: how long the fault had lasted
 };
 
 struct CameraStatus {
   std::string camera;
-  std::string source;              // redacted
-  bool up = false;                 // the last try gave a good picture
-  Fault fault = Fault::none;       // of the last try
+  std::string source;         // redacted
+  bool up = false;            // the last try gave a good picture
+  Fault fault = Fault::none;  // of the last try
   std::string message;
-  std::optional<TimePoint> last_frame_utc;
-  std::optional<TimePoint> next_due_utc;  // the next slot; empty: none wanted for two days
-  std::optional<bool> locked;
-  std::map<Fault, std::uint64_t> tries;   // by outcome, Fault::none for good ones
-  std::uint64_t slots = 0;                // reported so far
+  std::optional<TimePoint> last_frame_utc{};
+  std::optional<TimePoint> next_due_utc{};  // the next slot; empty: none wanted for two days
+  std::optional<bool> locked{};
+  std::map<Fault, std::uint64_t> tries;  // by outcome, Fault::none for good ones
+  std::uint64_t slots = 0;               // reported so far
   std::chrono::milliseconds last_latency{0};
-  MonotonicTime last_progress{};          // the thread last moved on: for the watchdog
-  MonotonicTime busy_until{};             // it promises to move on again before this
+  MonotonicTime last_progress{};  // the thread last moved on: for the watchdog
+  MonotonicTime busy_until{};     // it promises to move on again before this
 };
 
 struct CameraCallbacks {

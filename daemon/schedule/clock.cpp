@@ -7,7 +7,9 @@
 
 namespace lampglow::daemon {
 
-MonotonicTime SystemClock::monotonic() const { return std::chrono::steady_clock::now(); }
+MonotonicTime SystemClock::monotonic() const {
+  return std::chrono::steady_clock::now();
+}
 
 TimePoint SystemClock::utc() const {
   return std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());

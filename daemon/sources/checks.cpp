@@ -8,9 +8,13 @@
 namespace lampglow::daemon {
 namespace {
 
-std::string size_text(int width_px, int height_px) { return fmt::format("{}x{}", width_px, height_px); }
+std::string size_text(int width_px, int height_px) {
+  return fmt::format("{}x{}", width_px, height_px);
+}
 
-std::uint64_t hash_step(std::uint64_t hash, std::uint64_t value) { return (hash ^ value) * 0x100000001b3ULL; }
+std::uint64_t hash_step(std::uint64_t hash, std::uint64_t value) {
+  return (hash ^ value) * 0x100000001b3ULL;
+}
 
 }  // namespace
 
@@ -52,8 +56,9 @@ CheckResult FrameChecker::check_size(const Exposure& exposure) {
   }
   if ((options_.width_px != 0 && width_px != options_.width_px) ||
       (options_.height_px != 0 && height_px != options_.height_px)) {
-    return {Fault::wrong_size, fmt::format("the picture is {}, the site file says {}", size_text(width_px, height_px),
-                                           size_text(options_.width_px, options_.height_px))};
+    return {Fault::wrong_size,
+            fmt::format("the picture is {}, the site file says {}", size_text(width_px, height_px),
+                        size_text(options_.width_px, options_.height_px))};
   }
   return {};
 }

@@ -25,8 +25,8 @@ struct CheckResult {
 // All pixels within one DN: a cap, a dead sensor, a placeholder.
 bool is_black(const Image<std::uint16_t>& picture);
 
-// The lowest sixteenth of the picture or more is flat at mid-range (+-4 %): the fill of a JPEG or H.264 decoder that
-// ran out of data. Nights have flat black, but no flat mid-grey.
+// The lowest sixteenth of the picture or more is flat at mid-range (+-4 %): the fill of a JPEG or H.264
+// decoder that ran out of data. Nights have flat black, but no flat mid-grey.
 bool has_grey_fill(const Image<std::uint16_t>& picture, int bit_depth);
 
 // FNV-1a, 64 bits, over size and pixels.

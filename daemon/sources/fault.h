@@ -63,8 +63,8 @@ enum class Fault : int {
 
 struct FaultInfo {
   Fault fault;
-  std::string_view name;     // in log, database and the metrics' label `reason`
-  std::string_view meaning;  // one sentence, with what a person can do about it
+  std::string_view name;           // in log, database and the metrics' label `reason`
+  std::string_view meaning;        // one sentence, with what a person can do about it
   std::optional<Quality> quality;  // the flag that a frame with this fault carries
 };
 

@@ -13,7 +13,7 @@ namespace lampglow::daemon {
 // The settings for one exposure of a bracket.
 struct ExposureSetting {
   double exposure_s = 0;          // > 0
-  std::optional<double> gain_db;  // empty: the camera's locked gain
+  std::optional<double> gain_db{};  // empty: the camera's locked gain
   bool operator==(const ExposureSetting&) const = default;
 };
 
@@ -22,9 +22,10 @@ struct SourceInfo {
   std::string driver;                 // of the device or the server, as it names itself
   std::vector<std::string> formats;   // "YUYV 1280x720 30 fps"; the one in use first
   std::vector<std::string> controls;  // "exposure_time_absolute 1..5000 step 1, now 157"
-  std::optional<double> exposure_min_s;
-  std::optional<double> exposure_max_s;
-  std::optional<bool> locked;  // exposure, gain and white balance held where we set them; empty: can't be known
+  std::optional<double> exposure_min_s{};
+  std::optional<double> exposure_max_s{};
+  std::optional<bool>
+      locked;  // exposure, gain and white balance held where we set them; empty: can't be known
   std::vector<std::string> notes;  // what is wrong or missing, in words a person can act on
 };
 

@@ -14,6 +14,7 @@
 #include "daemon/config/descriptor.h"
 #include "daemon/errors.h"
 #include "daemon/sources/image_header.h"
+#include "daemon/sources/jpeg.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -141,7 +142,13 @@ DecodedImage decode_image(std::span<const std::uint8_t> bytes, const std::string
   if (!header) return refuse(Quality::frame_undecodable, name, "expected a PNG, JPEG or TIFF picture");
   DecodedImage image = check_header(*header, name, camera);
   if (!image.good()) return image;
-  const cv::Mat decoded = decode(bytes);
+  JpegPicture jpeg;  // owns the samples that `decoded` then shows
+  if (header->format == ImageFormat::jpeg) jpeg = decode_jpeg(bytes);
+  if (!jpeg.damage.empty())
+    return refuse(Quality::frame_truncated, name, "the picture's data are damaged: " + jpeg.damage);
+  const cv::Mat decoded = jpeg.samples.empty() ? decode(bytes)
+                                               : cv::Mat(jpeg.height_px, jpeg.width_px, CV_8UC(jpeg.channels),
+                                                         jpeg.samples.data());
   if (decoded.empty()) return refuse(Quality::frame_undecodable, name, "the picture's data are damaged");
   if (decoded.cols != camera.width_px || decoded.rows != camera.height_px)
     return refuse(Quality::frame_wrong_size, name, "the decoded picture is not of the size its header tells");

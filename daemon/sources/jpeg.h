@@ -1,15 +1,22 @@
-// JPEG by libjpeg-turbo, strictly: a warning of the decoder is an error here.
+// JPEG by libjpeg-turbo, strictly: what is only a warning to the decoder (data lost or damaged in the middle)
+// is an error here. OpenCV decodes the same bytes to the same values, but only prints the warning.
 #pragma once
 
 #include <cstdint>
 #include <span>
-
-#include "daemon/sources/image_file.h"
+#include <string>
+#include <vector>
 
 namespace lampglow::daemon {
 
-// Both throw ImageError.
-ImageHeader jpeg_header(std::span<const std::uint8_t> bytes);
-DecodedImage decode_jpeg(std::span<const std::uint8_t> bytes);
+struct JpegPicture {
+  int width_px = 0;
+  int height_px = 0;
+  int channels = 1;                   // 1, or 3 as blue, green, red
+  std::vector<std::uint8_t> samples;  // row by row
+  std::string damage;                 // the decoder's complaint; empty if all is well
+};
+
+JpegPicture decode_jpeg(std::span<const std::uint8_t> bytes);
 
 }  // namespace lampglow::daemon

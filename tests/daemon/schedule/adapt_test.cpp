@@ -37,7 +37,8 @@ class Scene {
   std::mt19937 random_{3};
 };
 
-const AdaptOptions kTwelveBit{.exposure_min_s = 1e-4, .exposure_max_s = 4, .black_level_dn = 64, .saturation_dn = 4095};
+const AdaptOptions kTwelveBit{
+    .exposure_min_s = 1e-4, .exposure_max_s = 4, .black_level_dn = 64, .saturation_dn = 4095};
 
 std::vector<ExposureSetting> settle(Scene& scene, std::vector<ExposureSetting> bracket, int rounds) {
   for (int i = 0; i < rounds; ++i) bracket = adapt_bracket(bracket, scene.take(bracket), kTwelveBit);

@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 TEST(ReconnectLadder, ClimbsAsTheConventionsSay) {
   ReconnectLadder ladder(7);
   for (int failure = 1; failure <= 40; ++failure) {
-    const auto rung = failure <= 5 ? 1s : failure <= 10 ? 5s : failure <= 20 ? 10s : 60s;
+    const std::chrono::milliseconds rung = failure <= 5 ? 1s : failure <= 10 ? 5s : failure <= 20 ? 10s : 60s;
     const auto delay = ladder.next_delay();
     EXPECT_GE(delay, rung * 8 / 10) << failure;
     EXPECT_LE(delay, rung * 12 / 10) << failure;

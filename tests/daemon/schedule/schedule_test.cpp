@@ -7,7 +7,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TimePoint at(const char* text) { return parse_time_utc(text).value(); }
+TimePoint at(const char* text) {
+  return parse_time_utc(text).value();
+}
 const Place kDeBilt{52.1, 5.18};
 
 TEST(Schedule, DueAtMultiplesOfTheInterval) {
