@@ -5,10 +5,10 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 
 #include "daemon/config/descriptor.h"
+#include "daemon/config/pending_file.h"
 #include "daemon/errors.h"
 
 namespace lampglow::daemon {
@@ -16,15 +16,6 @@ namespace {
 
 [[noreturn]] void fail(const std::filesystem::path& path, const char* what) {
   throw IoError(path.string() + ": " + what + ": " + std::strerror(errno));
-}
-
-void write_all(int fd, std::string_view content, const std::filesystem::path& path) {
-  while (!content.empty()) {
-    const ssize_t written = ::write(fd, content.data(), content.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) fail(path, "cannot be written");
-    content.remove_prefix(static_cast<std::size_t>(written));
-  }
 }
 
 }  // namespace
@@ -50,19 +41,9 @@ std::string read_text_file(const std::filesystem::path& path, std::size_t max_by
 }
 
 void write_file_atomically(const std::filesystem::path& path, std::string_view content) {
-  std::string temporary = path.string() + ".XXXXXX";
-  const Descriptor fd(::mkostemp(temporary.data(), O_CLOEXEC));
-  if (!fd.good()) fail(path, "cannot be written");
-  try {
-    write_all(fd.get(), content, path);
-    const mode_t mask = ::umask(0);
-    ::umask(mask);
-    if (::fchmod(fd.get(), 0666 & ~mask) != 0 || ::fsync(fd.get()) != 0) fail(path, "cannot be written");
-    if (std::rename(temporary.c_str(), path.c_str()) != 0) fail(path, "cannot be replaced");
-  } catch (...) {
-    ::unlink(temporary.c_str());
-    throw;
-  }
+  PendingFile file(path);
+  file.write(content);
+  file.publish();
 }
 
 }  // namespace lampglow::daemon

@@ -11,7 +11,7 @@ namespace lampglow::daemon {
 enum class DayPart { night, day, both };
 
 struct ScheduleOptions {
-  std::chrono::seconds interval{60};             // 1 s .. 1 d
+  std::chrono::seconds interval{60};               // 1 s .. 1 d
   std::optional<std::chrono::seconds> in_fog{};    // while MOR is below fog_mor_m; empty: interval
   std::optional<std::chrono::seconds> in_clear{};  // while MOR is above clear_mor_m; empty: interval
   double fog_mor_m = 1000;

@@ -12,7 +12,7 @@ namespace lampglow::daemon {
 
 // The settings for one exposure of a bracket.
 struct ExposureSetting {
-  double exposure_s = 0;          // > 0
+  double exposure_s = 0;            // > 0
   std::optional<double> gain_db{};  // empty: the camera's locked gain
   bool operator==(const ExposureSetting&) const = default;
 };

@@ -42,7 +42,7 @@ struct SourceOptions {
   std::string pixel_format;     // v4l2, libcamera: FourCC wanted, e.g. "Y12 "; empty: the best for photometry
   int width_px = 0;             // v4l2, libcamera: size wanted; 0: the largest
   int height_px = 0;
-  std::vector<ExposureSetting> bracket;    // to begin with; empty: one exposure as the camera stands
+  std::vector<ExposureSetting> bracket;      // to begin with; empty: one exposure as the camera stands
   std::optional<int> gain_step{};            // v4l2: the gain control's value; empty: its minimum
   std::optional<double> gain_db_per_step{};  // v4l2: where the sensor's data sheet says so
   std::optional<double> exposure_unit_s{};   // v4l2: of V4L2_CID_EXPOSURE where there is no absolute control
