@@ -1,0 +1,125 @@
+// The forward model of a night picture: what every ring of every lamp should read, given the air.
+//
+//   ring k of lamp i = sky_i + gradient·r_k + gain Σ_j A_j [ e^(−T_j) D_kj + κ h_j 4π ω_j (W K G_j)_k ], T_j
+//   = σ R_j
+//
+// A_j: what the lamp's picture sums to in clear air (over pixels); D: the camera's point spread, averaged
+// over the ring; G_j(θ) = T² g(T, q, θ) (1 + c s(θ)): scattered radiance of a lamp of unit irradiance, g from
+// the glow model in optical units per unit flux (hence 4π), ω_j the solid angle of a pixel there; K spreads
+// the halo by the lens' wide glare; W averages over the ring's own pixels. h and c: street lights are
+// luminaires, their halo is stronger against their beam than an even lamp's, the more so at wide angles (s
+// grows from 0 at 1° to 1 at 4°). κ: the same for all lamps, for cameras whose lamp cores are saturated, so
+// that the direct beam is known by its glare alone. All halos add up, so neighbours are part of the model.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "estimator/photometry/profiles.h"
+
+namespace lampglow::inference {
+
+// Scattered light of an isotropic point lamp in optical units per unit flux (as in physics.md) and its
+// derivatives.
+class HaloModel {
+ public:
+  virtual ~HaloModel() = default;
+  // For every angle: value, d/d ln T, d/d q. T and q are within the limits below.
+  virtual void profile(double thickness, double q, std::span<const double> theta_rad, std::span<double> value,
+                       std::span<double> d_ln_thickness, std::span<double> d_q) const = 0;
+  virtual double min_thickness() const = 0;
+  virtual double max_thickness() const = 0;
+  virtual double max_q() const = 0;
+};
+
+// The camera's point spread, per pixel, as a function of the angle from the lamp; sums to 1 over the
+// picture's pixels.
+struct PointSpread {
+  std::vector<double> theta_rad;   // nodes, increasing, log-spaced
+  std::vector<double> ln_density;  // ln of the fraction of the light per pixel
+  double core_theta_rad = 0;       // the disc within which everything counts as core
+  double core_fraction = 1;        // of the light, within the disc
+  double relative_sigma = 0.02;    // its usual deviation from lamp to lamp
+  double core_ln_sigma = 0.03;  // uncertainty of ln(core + wings over wings): large where cores are saturated
+};
+
+struct SceneLamp {
+  std::string id;
+  double x_px = 0, y_px = 0;
+  std::optional<double> distance_m;  // best value even where it is uncertain
+  double distance_ln_sigma = 0;      // 0: exact
+  double ln_strength = 0;            // of A_j
+  double ln_strength_sigma = 0.06;
+  double ln_halo = 0, ln_halo_sigma = 0.05;
+  bool catalogued = true;
+};
+
+// The air and everything else that may differ from the reference, as the fit sees it.
+struct Layout {
+  explicit Layout(size_t lamp_count) : lamps(lamp_count) {}
+  static constexpr size_t ln_sigma = 0, q = 1, ln_gain = 2, ln_kappa = 3, emission = 4, slope_x = 5,
+                          slope_y = 6;
+  static constexpr size_t common = 7;
+  size_t lamps;
+  size_t ln_strength(size_t j) const { return common + j; }
+  size_t ln_halo(size_t j) const { return common + lamps + j; }
+  size_t ln_distance(size_t j) const { return common + 2 * lamps + j; }
+  size_t sky(size_t j) const { return common + 3 * lamps + j; }
+  size_t size() const { return common + 4 * lamps; }
+};
+
+// Everything of the model that does not change from frame to frame.
+class Scene {
+ public:
+  Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpread& spread,
+        const photometry::RingMap& map);
+
+  size_t ring_count() const { return rings_; }
+  const std::vector<SceneLamp>& lamps() const { return lamps_; }
+  const std::vector<double>& node_theta_rad() const { return node_theta_; }
+  int lamp_of_ring(size_t ring) const { return owner_[ring]; }
+  double direct(size_t ring, size_t lamp) const { return direct_[ring * lamps_.size() + lamp]; }
+  const PointSpread& spread() const { return spread_; }
+
+  // Model of all rings and, if wanted, the Jacobian (ring-major, Layout::size() columns). `lit`: lamps that
+  // are off contribute nothing. `sky_unit`: radiance of sky parameter 1.
+  struct Output {
+    std::vector<double> model;
+    std::vector<double> jacobian;
+  };
+  void evaluate(const HaloModel& halo, std::span<const double> parameters, std::span<const char> lit,
+                double sky_unit, Output& output, bool want_jacobian) const;
+
+  // Mean over the ring of a function given at the nodes that goes as 1/θ between them (for the reference's
+  // own fit).
+  double average(size_t ring, size_t lamp, std::span<const double> at_nodes) const;
+
+ private:
+  struct Range {
+    std::uint32_t start, count, offset;
+  };
+  void make_weights(const Camera& camera, const photometry::RingMap& map);
+  void make_convolution();
+  void make_direct(const Camera& camera, const photometry::RingMap& map);
+  void spread_halo(std::span<const double> in, std::span<double> out) const;
+
+  std::vector<SceneLamp> lamps_;
+  PointSpread spread_;
+  size_t rings_ = 0;
+  std::vector<int> owner_;
+  std::vector<double> ring_x_, ring_y_;  // mean position in half picture widths from the middle
+  std::vector<double> node_theta_, emission_shape_;
+  std::vector<double> solid_angle_;
+  std::vector<Range> ranges_;  // ring-major
+  std::vector<double> weights_;
+  std::vector<double> convolution_;  // nodes x nodes, column-major: contributions of one source node together
+  std::vector<double> direct_;
+};
+
+// Interpolates ln density over ln θ; beyond the last node the last slope goes on.
+double spread_density(const PointSpread& spread, double theta_rad);
+
+}  // namespace lampglow::inference

@@ -1,0 +1,307 @@
+#include "estimator/photometry/profiles.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace lampglow::photometry {
+namespace {
+
+constexpr double kGuessedFieldOfViewRad = 40.0 * std::numbers::pi / 180.0;
+constexpr int kSamplesPerRing = 48;
+
+std::vector<double> ring_edges(const AngularScale& scale, const RingOptions& options) {
+  std::vector<double> edges(static_cast<size_t>(options.rings) + 1, 0.0);
+  const double first = options.core_radius_px / scale.focal_length_px;
+  const double last = std::max(options.max_theta_deg * std::numbers::pi / 180.0, 4.0 * first);
+  const double step = std::log(last / first) / (options.rings - 1);
+  for (int k = 1; k <= options.rings; ++k) edges[static_cast<size_t>(k)] = first * std::exp(step * (k - 1));
+  return edges;
+}
+
+// Ring of an angle; -1 beyond the last edge.
+int ring_of_angle(double theta, const std::vector<double>& edges) {
+  if (theta >= edges.back()) return -1;
+  if (theta < edges[1]) return 0;
+  const double step = std::log(edges[2] / edges[1]);
+  const int last = static_cast<int>(edges.size()) - 2;
+  return std::clamp(1 + static_cast<int>(std::floor(std::log(theta / edges[1]) / step)), 1, last);
+}
+
+struct Owner {
+  int lamp = -1;
+  double theta = 0;
+};
+
+// The lamp with the greatest strength over angle squared.
+Owner owner_of(const Direction& ray, std::span<const Direction> lamps, std::span<const RingCentre> centres) {
+  Owner best;
+  double best_value = 0;
+  for (size_t i = 0; i < lamps.size(); ++i) {
+    const double dx = ray.x - lamps[i].x, dy = ray.y - lamps[i].y, dz = ray.z - lamps[i].z;
+    const double chord2 = std::max(dx * dx + dy * dy + dz * dz, 1e-12);
+    const double value = centres[i].weight / chord2;
+    if (value > best_value) {
+      best_value = value;
+      best = {static_cast<int>(i), 2.0 * std::asin(std::min(1.0, std::sqrt(chord2) / 2.0))};
+    }
+  }
+  return best;
+}
+
+// Points of equal area in a full ring: for the steep inner rings, where pixels are coarse.
+void sample_inner_ring(Ring& ring, const RingCentre& centre, const AngularScale& scale) {
+  ring.samples.clear();
+  const double low = ring.theta_low_rad * scale.focal_length_px,
+               high = ring.theta_high_rad * scale.focal_length_px;
+  for (int s = 0; s < kSamplesPerRing; ++s) {
+    const double area = (s + 0.5) / kSamplesPerRing;
+    const double radius = std::sqrt(low * low + area * (high * high - low * low));
+    const double turn = 2.0 * std::numbers::pi * s * 0.6180339887498949;
+    ring.samples.push_back(
+        scale.direction(centre.x_px + radius * std::cos(turn), centre.y_px + radius * std::sin(turn)));
+  }
+  ring.mean_x_px = centre.x_px;
+  ring.mean_y_px = centre.y_px;
+}
+
+// A few of the ring's own pixels, evenly strided: they carry the shape of what the neighbours left of it.
+void sample_outer_rings(RingMap& map, const AngularScale& scale) {
+  std::vector<int> count(map.rings.size(), 0), seen(map.rings.size(), 0);
+  std::vector<double> sum_x(map.rings.size(), 0), sum_y(map.rings.size(), 0);
+  for (const std::int32_t ring : map.ring_of_pixel.pixels)
+    if (ring >= 0) ++count[static_cast<size_t>(ring)];
+  for (int row = 0; row < map.ring_of_pixel.height_px; ++row)
+    for (int column = 0; column < map.ring_of_pixel.width_px; ++column) {
+      const std::int32_t index = map.ring_of_pixel.at(column, row);
+      if (index < 0) continue;
+      const auto r = static_cast<size_t>(index);
+      sum_x[r] += column + 0.5;
+      sum_y[r] += row + 0.5;
+      const std::int64_t n = seen[r]++;
+      const bool keep = n * kSamplesPerRing / count[r] != (n + 1) * kSamplesPerRing / count[r];
+      if (keep) map.rings[r].samples.push_back(scale.direction(column + 0.5, row + 0.5));
+    }
+  for (size_t r = 0; r < map.rings.size(); ++r) {
+    if (count[r] == 0) continue;
+    map.rings[r].mean_x_px = sum_x[r] / count[r];
+    map.rings[r].mean_y_px = sum_y[r] / count[r];
+  }
+}
+
+struct Sample {
+  std::int32_t ring;
+  float value, variance, weight;
+};
+
+// Reference position to frame position, and the inverse for whole pixels.
+struct Motion {
+  Motion(const FrameView& frame, const RingMap& map)
+      : cos_r(std::cos(frame.rotation_rad)),
+        sin_r(std::sin(frame.rotation_rad)),
+        cx(map.ring_of_pixel.width_px / 2.0),
+        cy(map.ring_of_pixel.height_px / 2.0),
+        dx(frame.shift_x_px),
+        dy(frame.shift_y_px) {}
+  RingCentre to_frame(const RingCentre& p) const {
+    const double x = p.x_px - cx, y = p.y_px - cy;
+    return {cx + cos_r * x - sin_r * y + dx, cy + sin_r * x + cos_r * y + dy, p.weight};
+  }
+  void to_reference(double x, double y, int& column, int& row) const {
+    const double u = x - dx - cx, v = y - dy - cy;
+    column = static_cast<int>(std::floor(cx + cos_r * u + sin_r * v));
+    row = static_cast<int>(std::floor(cy - sin_r * u + cos_r * v));
+  }
+  double cos_r, sin_r, cx, cy, dx, dy;
+};
+
+struct Gathered {
+  std::vector<std::vector<Sample>> by_ring;
+  std::vector<double> saturated, total;
+};
+
+void gather_outer(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out) {
+  const auto inner = static_cast<size_t>(map.options.rings);
+  std::vector<char> is_inner(map.rings.size());
+  for (size_t r = 0; r < map.rings.size(); ++r)
+    is_inner[r] = map.edges_rad[r % inner + 1] <= map.inner_zone_rad;
+  for (int row = 0; row < frame.radiance.height_px; ++row)
+    for (int column = 0; column < frame.radiance.width_px; ++column) {
+      int ref_column = 0, ref_row = 0;
+      motion.to_reference(column + 0.5, row + 0.5, ref_column, ref_row);
+      if (!map.ring_of_pixel.contains(ref_column, ref_row)) continue;
+      const std::int32_t ring = map.ring_of_pixel.at(ref_column, ref_row);
+      if (ring < 0 || is_inner[static_cast<size_t>(ring)]) continue;
+      const auto r = static_cast<size_t>(ring);
+      const std::uint8_t mask = frame.mask.at(column, row);
+      if (mask & frame.bad_bits) continue;
+      out.total[r] += 1;
+      if (mask & frame.saturated_bits) {
+        out.saturated[r] += 1;
+        continue;
+      }
+      out.by_ring[r].push_back({ring, frame.radiance.at(column, row), frame.variance.at(column, row), 1.0F});
+    }
+}
+
+// Within a few pixels of a lamp: rings with soft edges, so that the sub-pixel phase does not matter.
+void gather_inner(const FrameView& frame, const RingMap& map, const Motion& motion, double focal_px,
+                  Gathered& out) {
+  const int per_lamp = map.options.rings;
+  int inner_rings = 0;
+  while (inner_rings < per_lamp && map.edges_rad[static_cast<size_t>(inner_rings) + 1] <= map.inner_zone_rad)
+    ++inner_rings;
+  const double reach = map.edges_rad[static_cast<size_t>(inner_rings)] * focal_px + 1.0;
+  for (size_t lamp = 0; lamp < map.centres.size(); ++lamp) {
+    const RingCentre c = motion.to_frame(map.centres[lamp]);
+    for (int row = static_cast<int>(c.y_px - reach); row <= static_cast<int>(c.y_px + reach); ++row)
+      for (int column = static_cast<int>(c.x_px - reach); column <= static_cast<int>(c.x_px + reach);
+           ++column) {
+        if (!frame.radiance.contains(column, row)) continue;
+        const std::uint8_t mask = frame.mask.at(column, row);
+        if (mask & frame.bad_bits) continue;
+        const double radius = std::hypot(column + 0.5 - c.x_px, row + 0.5 - c.y_px);
+        for (int k = 0; k < inner_rings; ++k) {
+          const double low = map.edges_rad[static_cast<size_t>(k)] * focal_px;
+          const double high = map.edges_rad[static_cast<size_t>(k) + 1] * focal_px;
+          const double inside = std::clamp(high - radius + 0.5, 0.0, 1.0);
+          const double hole = k == 0 ? 0.0 : std::clamp(low - radius + 0.5, 0.0, 1.0);
+          const double weight = inside - hole;
+          if (weight <= 0) continue;
+          const size_t r = lamp * static_cast<size_t>(per_lamp) + static_cast<size_t>(k);
+          out.total[r] += weight;
+          if (mask & frame.saturated_bits) {
+            out.saturated[r] += weight;
+            continue;
+          }
+          out.by_ring[r].push_back({static_cast<std::int32_t>(r), frame.radiance.at(column, row),
+                                    frame.variance.at(column, row), static_cast<float>(weight)});
+        }
+      }
+  }
+}
+
+double median_of(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+RingMean mean_of(const std::vector<Sample>& samples, double clip_sigma, bool clip) {
+  std::vector<float> values;
+  values.reserve(samples.size());
+  double variance_sum = 0;
+  for (const Sample& s : samples) {
+    values.push_back(s.value);
+    variance_sum += s.variance;
+  }
+  double low = -std::numeric_limits<double>::infinity(), high = -low;
+  if (clip) {
+    const double middle = median_of(values);
+    for (size_t i = 0; i < samples.size(); ++i)
+      values[i] = static_cast<float>(std::abs(samples[i].value - middle));
+    const double spread =
+        std::max(1.4826 * median_of(values), std::sqrt(variance_sum / static_cast<double>(samples.size())));
+    low = middle - clip_sigma * spread;
+    high = middle + clip_sigma * spread;
+  }
+  double w = 0, w2v = 0, sum = 0, sum2 = 0, w2 = 0;
+  RingMean result;
+  for (const Sample& s : samples) {
+    if (s.value < low || s.value > high) continue;
+    w += s.weight;
+    w2 += s.weight * s.weight;
+    w2v += s.weight * s.weight * s.variance;
+    sum += s.weight * s.value;
+    sum2 += static_cast<double>(s.weight) * s.value * s.value;
+    ++result.pixels;
+  }
+  if (w <= 0) return {};
+  result.mean = sum / w;
+  const double scatter = std::max(0.0, sum2 / w - result.mean * result.mean) * w2 / (w * w);
+  result.variance = clip ? std::max(w2v / (w * w), scatter) : w2v / (w * w);
+  return result;
+}
+
+}  // namespace
+
+AngularScale::AngularScale(const Camera& camera)
+    : focal_length_px(
+          camera.focal_length_px.value_or(camera.width_px / 2.0 / std::tan(kGuessedFieldOfViewRad / 2))),
+      principal_x_px(camera.principal_x_px),
+      principal_y_px(camera.principal_y_px),
+      known(camera.focal_length_px.has_value()) {}
+
+Direction AngularScale::direction(double x_px, double y_px) const {
+  const double x = (x_px - principal_x_px) / focal_length_px, y = (y_px - principal_y_px) / focal_length_px;
+  const double norm = 1.0 / std::sqrt(1.0 + x * x + y * y);
+  return {x * norm, y * norm, norm};
+}
+
+double AngularScale::pixel_solid_angle_sr(double x_px, double y_px) const {
+  const double cosine = direction(x_px, y_px).z;
+  return cosine * cosine * cosine / (focal_length_px * focal_length_px);
+}
+
+double angle_rad(const Direction& a, const Direction& b) {
+  return 2.0 * std::asin(std::min(1.0, std::hypot(a.x - b.x, a.y - b.y, a.z - b.z) / 2.0));
+}
+
+RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres, const RingOptions& options) {
+  const AngularScale scale(camera);
+  RingMap map;
+  map.options = options;
+  map.centres.assign(centres.begin(), centres.end());
+  map.edges_rad = ring_edges(scale, options);
+  map.inner_zone_rad = 3.0 * options.core_radius_px / scale.focal_length_px;
+  std::vector<Direction> lamps;
+  for (const RingCentre& c : centres) lamps.push_back(scale.direction(c.x_px, c.y_px));
+  for (size_t i = 0; i < centres.size(); ++i)
+    for (size_t k = 0; k < static_cast<size_t>(options.rings); ++k) {
+      const double low = map.edges_rad[k], high = map.edges_rad[k + 1];
+      map.rings.push_back({static_cast<int>(i),
+                           low,
+                           high,
+                           2.0 / 3.0 * (high * high * high - low * low * low) / (high * high - low * low),
+                           {},
+                           centres[i].x_px,
+                           centres[i].y_px});
+    }
+  map.ring_of_pixel = Image<std::int32_t>(camera.width_px, camera.height_px, -1);
+  for (int row = 0; row < camera.height_px; ++row)
+    for (int column = 0; column < camera.width_px; ++column) {
+      const Owner owner = owner_of(scale.direction(column + 0.5, row + 0.5), lamps, centres);
+      if (owner.lamp < 0) continue;
+      const int k = ring_of_angle(owner.theta, map.edges_rad);
+      if (k >= 0) map.ring_of_pixel.at(column, row) = owner.lamp * options.rings + k;
+    }
+  sample_outer_rings(map, scale);
+  for (Ring& ring : map.rings)
+    if (ring.theta_high_rad <= map.inner_zone_rad)
+      sample_inner_ring(ring, map.centres[static_cast<size_t>(ring.lamp)], scale);
+  return map;
+}
+
+std::vector<RingMean> measure_rings(const FrameView& frame, const RingMap& map) {
+  const Motion motion(frame, map);
+  Gathered gathered;
+  gathered.by_ring.resize(map.rings.size());
+  gathered.saturated.assign(map.rings.size(), 0.0);
+  gathered.total.assign(map.rings.size(), 0.0);
+  gather_outer(frame, map, motion, gathered);
+  const double focal_px = map.options.core_radius_px / map.edges_rad[1];
+  gather_inner(frame, map, motion, focal_px, gathered);
+  std::vector<RingMean> means(map.rings.size());
+  for (size_t r = 0; r < means.size(); ++r) {
+    const double fraction = gathered.total[r] > 0 ? gathered.saturated[r] / gathered.total[r] : 0.0;
+    const bool inner = map.rings[r].theta_high_rad <= map.inner_zone_rad;
+    const bool enough = gathered.by_ring[r].size() >= static_cast<size_t>(map.options.min_pixels);
+    const bool saturated = fraction > 0.01;
+    if (enough && !saturated) means[r] = mean_of(gathered.by_ring[r], map.options.clip_sigma, !inner);
+    means[r].saturated_fraction = fraction;
+  }
+  return means;
+}
+
+}  // namespace lampglow::photometry
