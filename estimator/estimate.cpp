@@ -1,20 +1,76 @@
 #include "estimator/estimate.h"
 
-namespace lampglow {
+#include <exception>
 
-std::optional<ClearReference> learn_reference(std::span<const Bracket>, const Site&,
-                                              const EstimatorOptions&) {
-  return std::nullopt;
+namespace lampglow {
+namespace {
+
+// Why this frame cannot be measured by its lamps; empty if it can.
+std::string obstacle(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
+                     QualityFlags& flags) {
+  if (site.lights.empty()) flags.set(Quality::no_lights);
+  if (!reference) flags.set(Quality::no_reference);
+  if (!site.camera.focal_length_px) flags.set(Quality::no_angular_scale);
+  if (bracket.exposures.empty()) return bracket.fault.empty() ? "no exposure could be read" : bracket.fault;
+  if (site.lights.empty()) return "the site file lists no lamps ([[light]])";
+  bool any_distance = false;
+  for (const Light& light : site.lights) any_distance = any_distance || light.distance_m;
+  if (!any_distance) {
+    flags.set(Quality::unknown_distance);
+    return "no lamp of the catalogue has a known distance";
+  }
+  if (!reference) return "no clear reference shows the catalogue's lamps";
+  return {};
+}
+
+}  // namespace
+
+std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
+                                              const EstimatorOptions& options) {
+  std::vector<inference::ClearFrame> frames;
+  std::vector<photometry::CatalogueLamp> catalogue = photometry::catalogue_of(site);
+  if (catalogue.empty()) return std::nullopt;
+  for (const Bracket& bracket : clear) {
+    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (image.empty()) continue;
+    auto registered = photometry::register_frame(image, catalogue, options.registration);
+    frames.push_back({std::move(image), std::move(registered), bracket.time_utc, bracket.reference_mor_m});
+  }
+  if (frames.empty()) return std::nullopt;
+  std::vector<photometry::RegisteredFrame> registered;
+  for (const auto& frame : frames) registered.push_back(frame.registered);
+  catalogue =
+      photometry::refine_catalogue(catalogue, registered, site.camera.width_px, site.camera.height_px);
+  for (auto& frame : frames)
+    frame.registered = photometry::register_frame(frame.image, catalogue, options.registration);
+  return inference::learn_clear_reference(frames, site, catalogue, *inference::halo_model(options.model),
+                                          options.reference);
 }
 
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
-                     const EstimatorOptions&) {
+                     const EstimatorOptions& options) {
   FrameResult result;
-  result.observation.time_utc = bracket.time_utc;
-  result.observation.quality = bracket.quality;
-  result.reason = bracket.fault;
-  if (site.lights.empty()) result.observation.quality.set(Quality::no_lights);
-  if (!reference) result.observation.quality.set(Quality::no_reference);
+  Observation& observation = result.observation;
+  observation.time_utc = bracket.time_utc;
+  observation.quality = bracket.quality;
+  result.reason = obstacle(bracket, site, reference, observation.quality);
+  if (!result.reason.empty()) return result;
+  try {
+    const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    observation.quality.set(image.quality);
+    result.reason = image.empty() ? image.fault : std::string();
+    if (image.empty()) return result;
+    const photometry::RegisteredFrame registered =
+        photometry::register_frame(image, reference->catalogue, options.registration);
+    result.shift_x_px = registered.shift_x_px;
+    result.shift_y_px = registered.shift_y_px;
+    result.rotation_rad = registered.rotation_rad;
+    inference::measure_night(image, registered, site, *reference, *inference::halo_model(options.model),
+                             options.relative_humidity, options.night, result);
+  } catch (const std::exception& error) {
+    observation.quality.set(Quality::internal_error);
+    result.reason = std::string("internal error: ") + error.what();
+  }
   return result;
 }
 

@@ -4,14 +4,25 @@
 #include <optional>
 #include <span>
 
+#include "estimator/inference/halo_models.h"
+#include "estimator/inference/night.h"
 #include "estimator/inference/reference.h"
 #include "estimator/observation.h"
 #include "estimator/photometry/exposure.h"
+#include "estimator/photometry/radiance.h"
+#include "estimator/photometry/registration.h"
 #include "estimator/site.h"
 
 namespace lampglow {
 
-struct EstimatorOptions {};
+struct EstimatorOptions {
+  inference::HaloKind model = inference::HaloKind::table;  // the one that measures best
+  std::optional<double> relative_humidity;                 // 0..1, where the station has a hygrometer
+  photometry::RadianceOptions radiance;
+  photometry::RegistrationOptions registration;
+  inference::ReferenceOptions reference;
+  inference::NightOptions night;
+};
 
 // The clear reference from one or several clear brackets; empty if none of them shows a lamp of the
 // catalogue.

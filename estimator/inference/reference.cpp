@@ -1,1 +1,222 @@
 #include "estimator/inference/reference.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "estimator/observation.h"
+
+namespace lampglow::inference {
+namespace {
+
+constexpr std::uint8_t kForeign = 64;  // our own mask bit, beside photometry's
+constexpr double kUsualFocalLength_px = 1200;
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Where a foreign light outshines the background: its core, and its glare down to a few percent of the sky.
+double foreign_radius_px(const photometry::DetectedLight& light) {
+  const double glare = std::sqrt(std::max(0.0, 0.01 * light.flux / std::max(light.background, 1e-12)) / 3.0);
+  return std::clamp(6.0 + glare + std::sqrt(static_cast<double>(light.saturated_pixels)), 6.0, 60.0);
+}
+
+void mask_disc(Image<std::uint8_t>& mask, double x, double y, double radius) {
+  for (int row = static_cast<int>(y - radius); row <= static_cast<int>(y + radius); ++row)
+    for (int column = static_cast<int>(x - radius); column <= static_cast<int>(x + radius); ++column)
+      if (mask.contains(column, row) && std::hypot(column + 0.5 - x, row + 0.5 - y) <= radius)
+        mask.at(column, row) |= kForeign;
+}
+
+// Lights that shine in the clear reference but are in no catalogue: part of the scene, at unknown distance.
+std::vector<photometry::CatalogueLamp> with_strays(std::span<const photometry::CatalogueLamp> catalogue,
+                                                   const ClearFrame& frame, const ReferenceOptions& options) {
+  std::vector<photometry::CatalogueLamp> all(catalogue.begin(), catalogue.end());
+  std::vector<double> fluxes;
+  for (const auto& lamp : frame.registered.lamps) fluxes.push_back(lamp.core_flux);
+  const double least = options.stray_min_part * median_of(fluxes);
+  int number = 0;
+  for (const auto& stray : frame.registered.strays) {
+    if (number >= options.max_strays || stray.flux < least || stray.snr < 12) continue;
+    photometry::CatalogueLamp lamp;
+    lamp.id = "stray-" + std::to_string(++number);
+    lamp.x_px = stray.x_px;
+    lamp.y_px = stray.y_px;
+    lamp.core_flux = stray.flux;
+    all.push_back(lamp);
+  }
+  return all;
+}
+
+const Light* light_of(const Site& site, const std::string& id) {
+  for (const Light& light : site.lights)
+    if (light.id == id) return &light;
+  return nullptr;
+}
+
+std::vector<SceneLamp> scene_lamps(const Site& site, std::span<const photometry::CatalogueLamp> catalogue,
+                                   const ReferenceOptions& options) {
+  std::vector<SceneLamp> lamps;
+  for (const auto& entry : catalogue) {
+    SceneLamp lamp;
+    lamp.id = entry.id;
+    lamp.x_px = entry.x_px;
+    lamp.y_px = entry.y_px;
+    lamp.distance_m = options.stray_distance_m;
+    lamp.distance_ln_sigma = options.stray_distance_ln_sigma;
+    const Light* light = light_of(site, entry.id);
+    lamp.catalogued = light != nullptr;
+    if (light && light->distance_m) {
+      lamp.distance_m = light->distance_m;
+      lamp.distance_ln_sigma = light->distance_sigma_m.value_or(0.0) / *light->distance_m;
+    }
+    lamps.push_back(lamp);
+  }
+  return lamps;
+}
+
+// Weighted means of the rings over the clear frames.
+RingData average(const std::vector<RingData>& frames) {
+  RingData mean = frames.front();
+  for (size_t r = 0; r < mean.value.size(); ++r) {
+    double sum = 0, weight = 0, worst = 0;
+    for (const RingData& frame : frames) {
+      if (!frame.used[r]) continue;
+      const double w = 1 / (frame.sigma[r] * frame.sigma[r]);
+      sum += w * frame.value[r];
+      weight += w;
+      worst = std::max(worst, frame.sigma[r]);
+    }
+    mean.used[r] = weight > 0;
+    if (weight <= 0) continue;
+    mean.value[r] = sum / weight;
+    mean.sigma[r] = worst;  // mostly model error, which averaging does not lessen
+  }
+  return mean;
+}
+
+std::vector<photometry::RingCentre> centres_of(std::span<const photometry::CatalogueLamp> lamps) {
+  std::vector<double> fluxes;
+  for (const auto& lamp : lamps) fluxes.push_back(lamp.core_flux.value_or(0));
+  const double usual = std::max(median_of(fluxes), 1e-9);
+  std::vector<photometry::RingCentre> centres;
+  for (const auto& lamp : lamps)
+    centres.push_back({lamp.x_px, lamp.y_px, std::clamp(lamp.core_flux.value_or(usual) / usual, 1e-3, 1e3)});
+  return centres;
+}
+
+// How much the lamp's light varied between the clear frames, as seen in its core.
+double scatter_of(std::span<const ClearFrame> frames, size_t lamp) {
+  std::vector<double> ln_flux;
+  for (const ClearFrame& frame : frames)
+    if (lamp < frame.registered.lamps.size() && frame.registered.lamps[lamp].core_flux > 0)
+      ln_flux.push_back(std::log(frame.registered.lamps[lamp].core_flux));
+  if (ln_flux.size() < 3) return 0;
+  double mean = 0, square = 0;
+  for (const double x : ln_flux) mean += x / static_cast<double>(ln_flux.size());
+  for (const double x : ln_flux) square += (x - mean) * (x - mean) / static_cast<double>(ln_flux.size() - 1);
+  return std::sqrt(square);
+}
+
+}  // namespace
+
+RingData ring_data(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
+                   const photometry::RingMap& map, std::span<const photometry::DetectedLight> foreign,
+                   const RingErrors& errors) {
+  Image<std::uint8_t> mask = image.mask;
+  for (const auto& light : foreign) mask_disc(mask, light.x_px, light.y_px, foreign_radius_px(light));
+  const photometry::FrameView view{
+      image.radiance,
+      image.variance,
+      mask,
+      static_cast<std::uint8_t>(photometry::kHot | photometry::kInvalid | kForeign),
+      static_cast<std::uint8_t>(photometry::kSaturated | photometry::kBloom),
+      registered.shift_x_px,
+      registered.shift_y_px,
+      registered.rotation_rad};
+  const auto means = photometry::measure_rings(view, map);
+  RingData data;
+  const auto per_lamp = static_cast<size_t>(map.options.rings);
+  std::vector<double> skies;
+  for (size_t first = 0; first < means.size(); first += per_lamp) {
+    double sky = 0;
+    bool found = false;
+    for (size_t k = 0; k < per_lamp; ++k) {
+      const auto& ring = means[first + k];
+      if (ring.pixels == 0) continue;
+      sky = found ? std::min(sky, ring.mean) : ring.mean;
+      found = true;
+    }
+    if (found) skies.push_back(sky);
+    for (size_t k = 0; k < per_lamp; ++k) {
+      const auto& ring = means[first + k];
+      data.value.push_back(ring.mean);
+      data.used.push_back(ring.pixels > 0 && std::isfinite(ring.variance));
+      data.sigma.push_back(std::sqrt(std::max(ring.variance, 0.0)) + 0.0);
+      data.sigma.back() =
+          std::sqrt(data.sigma.back() * data.sigma.back() + std::pow(errors.of_light * (ring.mean - sky), 2) +
+                    std::pow(errors.of_sky * ring.mean, 2) + 1e-24);
+    }
+  }
+  data.sky_unit = std::max(median_of(skies), 1e-9);
+  data.lit.assign(map.centres.size(), 1);
+  return data;
+}
+
+std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> frames, const Site& site,
+                                                    std::span<const photometry::CatalogueLamp> catalogue,
+                                                    const HaloModel& halo, const ReferenceOptions& given) {
+  if (frames.empty()) return std::nullopt;
+  const bool any_seen = std::any_of(
+      frames.front().registered.lamps.begin(), frames.front().registered.lamps.end(),
+      [](const auto& lamp) { return lamp.state == LampState::seen || lamp.state == LampState::saturated; });
+  if (!any_seen) return std::nullopt;
+  ReferenceOptions options = given;
+  const photometry::AngularScale scale(site.camera);
+  options.rings.core_radius_px *= std::max(1.0, scale.focal_length_px / kUsualFocalLength_px);
+
+  ClearReference reference;
+  reference.catalogue = with_strays(catalogue, frames.front(), options);
+  reference.rings = std::make_shared<const photometry::RingMap>(
+      photometry::make_ring_map(site.camera, centres_of(reference.catalogue), options.rings));
+  std::vector<RingData> rings;
+  double extinction = 0;
+  int known = 0;
+  for (const ClearFrame& frame : frames) {
+    rings.push_back(ring_data(frame.image, frame.registered, *reference.rings, {},
+                              {.of_light = options.spread.ring_error}));
+    reference.learned_utc = std::max(reference.learned_utc, frame.time_utc);
+    if (frame.mor_m) extinction += kMorTimesExtinction / *frame.mor_m, ++known;
+  }
+  const double assumed = kMorTimesExtinction / options.spread.clear_mor_m;
+  extinction = known > 0 ? extinction / known : assumed;
+  if (known > 0) reference.mor_m = kMorTimesExtinction / extinction;
+  const double extinction_ln_sigma = known > 0 ? 0.1 : options.clear_mor_ln_sigma;
+
+  std::vector<SceneLamp> lamps = scene_lamps(site, reference.catalogue, options);
+  const RingData mean = average(rings);
+  const LearnedSpread learned =
+      learn_spread(site.camera, *reference.rings, lamps, halo, mean, extinction, options.spread);
+  for (size_t j = 0; j < lamps.size(); ++j) {
+    const double usual = std::max(options.lamp_rel_sigma, scatter_of(frames, j));
+    const double clear_thickness = extinction * lamps[j].distance_m.value_or(options.stray_distance_m);
+    lamps[j].ln_strength = learned.ln_strength[j];
+    lamps[j].ln_strength_sigma =
+        std::hypot(usual, std::min(learned.ln_strength_sigma[j], 1.0), clear_thickness * extinction_ln_sigma);
+    reference.lamps.push_back({lamps[j].id, lamps[j].x_px, lamps[j].y_px, std::exp(lamps[j].ln_strength),
+                               lamps[j].ln_strength_sigma, lamps[j].catalogued});
+  }
+  reference.frames = static_cast<int>(frames.size());
+  reference.relative = frames.front().image.relative;
+  reference.core_seen = learned.core_seen;
+  reference.sky = median_of(learned.sky);
+  reference.chi2_per_ring = learned.chi2_per_ring;
+  reference.spread = learned.spread;
+  reference.scene = std::make_shared<const Scene>(site.camera, lamps, learned.spread, *reference.rings);
+  return reference;
+}
+
+}  // namespace lampglow::inference

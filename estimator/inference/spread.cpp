@@ -223,7 +223,7 @@ class SpreadCost final : public ceres::CostFunction {
 // Core 93 %, the rest as θ^-2.5; strengths from the brightest ring that is there, skies from the outermost.
 std::vector<double> SpreadCost::start() const {
   std::vector<double> p(at_.size(), 0.0);
-  p[at_.core()] = std::log(options_.core_fraction);
+  p.at(at_.core()) = std::log(options_.core_fraction);
   double sum = 0;
   for (size_t n = 0; n < kSpreadNodes; ++n) sum += area_px_[n] * std::pow(nodes_[n] / nodes_[0], -2.5);
   for (size_t n = 0; n < kSpreadNodes; ++n)

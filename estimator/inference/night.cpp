@@ -1,0 +1,195 @@
+#include "estimator/inference/night.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "estimator/inference/weather.h"
+
+namespace lampglow::inference {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+bool shows(const photometry::LampSighting& lamp) {
+  return lamp.state == LampState::seen || lamp.state == LampState::saturated;
+}
+
+// Flux that the core of lamp j should have in this frame by the fit, in units of its clear core flux.
+double expected_core_ratio(const Scene& scene, const JointFit& fit, size_t j) {
+  const Layout at(scene.lamps().size());
+  const double thickness = std::exp(fit.ln_sigma() + fit.parameters[at.ln_distance(j)]) *
+                           scene.lamps()[j].distance_m.value_or(1.0);
+  return std::exp(fit.parameters[Layout::ln_gain] - thickness);
+}
+
+struct Night {
+  RingData data;
+  JointFit fit;
+};
+
+// Lamps without a core start as off. Those that the fit then says could not be seen anyway are lit: their
+// halo counts.
+Night fit_with_outages(const photometry::RegisteredFrame& registered, const ClearReference& reference,
+                       const HaloModel& halo, const NightOptions& options, RingData data) {
+  const Scene& scene = *reference.scene;
+  const bool any = std::any_of(registered.lamps.begin(), registered.lamps.end(), shows);
+  std::vector<char> doubtful(scene.lamps().size(), 0);
+  for (size_t j = 0; j < doubtful.size() && any; ++j) {
+    doubtful[j] =
+        registered.lamps[j].state == LampState::off || registered.lamps[j].state == LampState::hidden;
+    data.lit[j] = !doubtful[j];
+  }
+  Night night;
+  for (int round = 0; round < 3; ++round) {
+    FitOptions fit_options = options.fit;
+    night.fit = fit_jointly(scene, halo, data, fit_options);
+    bool changed = false;
+    for (size_t j = 0; j < doubtful.size(); ++j) {
+      if (!doubtful[j] || data.lit[j]) continue;
+      const double clear = reference.catalogue[j].core_flux.value_or(0);
+      const double expected = clear * expected_core_ratio(scene, night.fit, j);
+      if (expected > options.faint_sigma * registered.lamps[j].core_flux_sigma) continue;
+      data.lit[j] = 1;
+      changed = true;
+    }
+    if (!changed) break;
+  }
+  night.data = std::move(data);
+  return night;
+}
+
+void describe_lamps(const Night& night, const photometry::RegisteredFrame& registered, const Site& site,
+                    const ClearReference& reference, FrameResult& result) {
+  const Scene& scene = *reference.scene;
+  const Layout at(scene.lamps().size());
+  const auto per_lamp = static_cast<size_t>(reference.rings->options.rings);
+  for (size_t j = 0; j < scene.lamps().size(); ++j) {
+    if (!scene.lamps()[j].catalogued) continue;
+    LampFit lamp;
+    const auto& sighting = registered.lamps[j];
+    lamp.id = scene.lamps()[j].id;
+    lamp.state = night.data.lit[j] ? sighting.state : LampState::off;
+    if (night.data.lit[j] && lamp.state == LampState::off) lamp.state = LampState::faded;
+    lamp.x_px = sighting.x_px;
+    lamp.y_px = sighting.y_px;
+    for (const Light& light : site.lights)
+      if (light.id == lamp.id) lamp.distance_m = light.distance_m;
+    if (night.data.lit[j])
+      lamp.strength_ratio =
+          std::exp(night.fit.parameters[at.ln_strength(j)] + night.fit.parameters[Layout::ln_gain]);
+    lamp.optical_thickness = std::exp(night.fit.ln_sigma() + night.fit.parameters[at.ln_distance(j)]) *
+                             scene.lamps()[j].distance_m.value_or(1.0);
+    double sum = 0;
+    int count = 0;
+    for (size_t k = 0; k < per_lamp; ++k) {
+      const size_t r = j * per_lamp + k;
+      if (!night.data.used[r]) continue;
+      lamp.profile.theta_deg.push_back(reference.rings->rings[r].theta_mean_rad / kDegree);
+      lamp.profile.radiance.push_back(night.data.value[r]);
+      lamp.profile.radiance_sigma.push_back(night.data.sigma[r]);
+      lamp.profile.model.push_back(night.fit.model[r]);
+      sum += std::pow((night.fit.model[r] - night.data.value[r]) / night.data.sigma[r], 2);
+      ++count;
+    }
+    if (count > 0) lamp.residual_rms = std::sqrt(sum / count);
+    result.lamps.push_back(std::move(lamp));
+  }
+}
+
+void fill_q(const JointFit& fit, const NightOptions& options, Observation& observation) {
+  const double q = fit.parameters[Layout::q], sd = fit.sigma[Layout::q];
+  if (sd <= 0 || sd > options.q_known_ratio * options.fit.q_sigma) {
+    observation.quality.set(Quality::q_unknown);
+    return;
+  }
+  observation.q = q;
+  observation.q_low = std::max(0.0, q - 1.96 * sd);
+  observation.q_high = std::min(1.0, q + 1.96 * sd);
+}
+
+void fill_weather(const JointFit& fit, const SigmaBounds& bounds, std::optional<double> humidity,
+                  Observation& observation) {
+  AirEstimate air;
+  air.ln_sigma = bounds.limit == Limit::none ? fit.ln_sigma() : std::log(bounds.value);
+  air.ln_sigma_sd = bounds.limit == Limit::none ? bounds.ln_sd : 0.05;
+  air.q = fit.parameters[Layout::q];
+  air.q_sd = std::max(fit.sigma[Layout::q], 0.01);
+  air.relative_humidity = humidity;
+  air.limit = bounds.limit;
+  observation.weather_probability = weather_probabilities(air);
+  observation.weather = decide_weather(observation.weather_probability);
+  if (observation.q) observation.lecture_class = lecture_class(*observation.q);
+  if (const auto mor = observation.mor_m()) observation.wmo_4680 = wmo_4680_now(observation.weather, *mor);
+  observation.relative_humidity = humidity;
+}
+
+void fill_flags(const Night& night, const photometry::RegisteredFrame& registered,
+                const ClearReference& reference, const NightOptions& options, FrameResult& result) {
+  QualityFlags& flags = result.observation.quality;
+  const Scene& scene = *reference.scene;
+  int known = 0, missing = 0;
+  bool saturated = false, any_visible = false;
+  for (size_t j = 0; j < scene.lamps().size(); ++j) {
+    any_visible = any_visible || shows(registered.lamps[j]);
+    if (!scene.lamps()[j].catalogued) continue;
+    if (night.data.lit[j]) ++known;
+    if (!night.data.lit[j]) ++missing;
+    saturated = saturated || registered.lamps[j].saturated_pixels > 0;
+  }
+  result.observation.lights_used = known;
+  if (known < options.few_lights) flags.set(Quality::few_lights);
+  if (missing > 0) flags.set(Quality::lights_missing);
+  if (saturated) flags.set(Quality::saturated);
+  if (!any_visible) flags.set(Quality::no_lamp_visible);
+  if (!registered.registered) flags.set(Quality::not_registered);
+  if (!registered.strays.empty()) flags.set(Quality::stray_lights);
+  if (options.fit.gain_known && std::abs(night.fit.parameters[Layout::ln_gain]) > options.gain_drift_ln)
+    flags.set(Quality::gain_drift);
+  if (!night.fit.converged) flags.set(Quality::fit_not_converged);
+  if (night.fit.chi2_per_ring > options.poor_chi2) flags.set(Quality::poor_fit);
+}
+
+// Lights of this frame that the scene knows nothing of.
+std::vector<photometry::DetectedLight> foreign_lights(const photometry::RegisteredFrame& registered) {
+  std::vector<photometry::DetectedLight> foreign;
+  for (const auto& light : registered.strays)
+    if (light.snr > 8) foreign.push_back(light);
+  return foreign;
+}
+
+}  // namespace
+
+void measure_night(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
+                   const Site& site, const ClearReference& reference, const HaloModel& halo,
+                   std::optional<double> relative_humidity, const NightOptions& given, FrameResult& result) {
+  NightOptions options = given;
+  options.fit.gain_known = !image.relative && !reference.relative;
+  RingData data = ring_data(image, registered, *reference.rings, foreign_lights(registered), options.errors);
+  if (std::none_of(data.used.begin(), data.used.end(), [](char u) { return u != 0; })) {
+    result.reason = "no ring of any lamp could be measured";
+    return;
+  }
+  const Night night = fit_with_outages(registered, reference, halo, options, std::move(data));
+  describe_lamps(night, registered, site, reference, result);
+  fill_flags(night, registered, reference, options, result);
+  Observation& observation = result.observation;
+  const bool any_lit =
+      std::any_of(night.data.lit.begin(), night.data.lit.end(), [](char l) { return l != 0; });
+  if (!any_lit || observation.lights_used == 0) {
+    result.reason = "every lamp of the catalogue is off";
+    return;
+  }
+  const SigmaBounds bounds = sigma_bounds(night.fit.posterior, options.bounds);
+  observation.method = Method::glow;
+  observation.limit = bounds.limit;
+  observation.extinction_per_m = bounds.value;
+  observation.extinction_low_per_m = bounds.low;
+  observation.extinction_high_per_m = bounds.high;
+  if (bounds.limit == Limit::above) observation.quality.set(Quality::limit_above);
+  if (bounds.limit == Limit::below) observation.quality.set(Quality::limit_below);
+  if (bounds.limit == Limit::none) fill_q(night.fit, options, observation);
+  fill_weather(night.fit, bounds, relative_humidity, observation);
+}
+
+}  // namespace lampglow::inference

@@ -1,0 +1,29 @@
+// The night's method: from a registered frame and the clear reference to extinction, q and weather.
+#pragma once
+
+#include <optional>
+
+#include "estimator/inference/joint_fit.h"
+#include "estimator/inference/posterior.h"
+#include "estimator/inference/reference.h"
+#include "estimator/observation.h"
+
+namespace lampglow::inference {
+
+struct NightOptions {
+  FitOptions fit;
+  RingErrors errors;
+  BoundsOptions bounds;
+  double faint_sigma = 5;       // a lamp that should show by this many σ and does not is off
+  int few_lights = 3;           // fewer lamps than this set the flag
+  double gain_drift_ln = 0.25;  // flag beyond this
+  double poor_chi2 = 6.0;       // mean squared residual of a ring in σ², flag beyond this
+  double q_known_ratio = 0.75;  // q is given if its posterior σ is below this part of its prior's
+};
+
+// Fills observation, lamps and reason of `result` (its time, shift and frame flags are the caller's).
+void measure_night(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
+                   const Site& site, const ClearReference& reference, const HaloModel& halo,
+                   std::optional<double> relative_humidity, const NightOptions& options, FrameResult& result);
+
+}  // namespace lampglow::inference
