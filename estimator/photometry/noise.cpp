@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 namespace lampglow::photometry {
@@ -80,6 +81,24 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+double fitted_read_noise_dn(const std::vector<Flatness>& groups, const NoiseModel& noise, double lowest_dn) {
+  std::vector<double> rest;
+  for (size_t g = 0; g < groups.size() / 4; ++g)
+    rest.push_back(groups[g].variance - noise.gain_dn_per_electron * std::max(groups[g].mean, 0.0));
+  return std::sqrt(std::max(median(rest), lowest_dn * lowest_dn));
+}
+
+// Empty where too little of the picture is bright enough to tell shot noise from read noise.
+std::optional<double> fitted_gain(const std::vector<Flatness>& groups, const NoiseModel& noise,
+                                  double range) {
+  std::vector<double> gains;
+  for (const Flatness& group : groups)
+    if (group.mean > 3 * std::max(groups.front().mean, 1e-4 * range) && group.mean > 0.01 * range)
+      gains.push_back((group.variance - noise.read_noise_dn * noise.read_noise_dn) / group.mean);
+  if (gains.size() < 3) return {};
+  return median(gains);
+}
+
 }  // namespace
 
 NoiseModel noise_model(const Exposure& exposure, const Camera& camera, std::span<const float> linear) {
@@ -100,21 +119,13 @@ NoiseModel noise_model(const Exposure& exposure, const Camera& camera, std::span
     if (!camera.read_noise_dn) noise.read_noise_dn = 1e-3 * range;
     return noise;
   }
-  const double lowest = 1e-4 * range;
-  if (!camera.read_noise_dn) {
-    std::vector<double> rest;
-    for (size_t g = 0; g < groups.size() / 2; ++g)
-      rest.push_back(groups[g].variance - noise.gain_dn_per_electron * std::max(groups[g].mean, 0.0));
-    noise.read_noise_dn = std::sqrt(std::max(median(rest), lowest * lowest));
-  }
-  if (!camera.gain_dn_per_electron) {
-    // Only groups well above the darkest one can tell shot noise from read noise.
-    std::vector<double> gains;
-    for (const Flatness& group : groups)
-      if (group.mean > 3 * std::max(groups.front().mean, lowest) && group.mean > 0.01 * range)
-        gains.push_back((group.variance - noise.read_noise_dn * noise.read_noise_dn) / group.mean);
-    if (gains.size() >= 3)
-      noise.gain_dn_per_electron = std::max(median(gains), 0.25 * noise.gain_dn_per_electron);
+  // Each from the other in turn: the darkest quarter tells the read noise, what is well above it the gain.
+  const double lowest_dn = 1e-4 * range, least_gain = 0.25 * noise.gain_dn_per_electron;
+  for (int pass = 0; pass < 8; ++pass) {
+    if (!camera.read_noise_dn) noise.read_noise_dn = fitted_read_noise_dn(groups, noise, lowest_dn);
+    if (camera.gain_dn_per_electron) continue;
+    if (const auto gain = fitted_gain(groups, noise, range))
+      noise.gain_dn_per_electron = std::max(*gain, least_gain);
   }
   return noise;
 }

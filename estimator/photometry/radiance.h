@@ -28,11 +28,11 @@ struct RadianceOptions {
   // Neighbours of a saturated pixel within this distance are not trusted in that exposure. 0: none.
   int bloom_radius_px = 1;
   // Hot pixels known beforehand (learned over frames).
-  std::vector<PixelIndex> hot_pixels;
+  std::vector<PixelIndex> hot_pixels{};
   // Also look for hot pixels in this frame alone.
   bool find_hot_pixels = true;
   // Relative transmission of the lens, 0..1, of the picture's size; empty: even. 0 marks a pixel invalid.
-  Image<float> vignetting;
+  Image<float> vignetting{};
 };
 
 // Unit: linear DN per second at 0 dB, black level taken off. Where no exposure time is known it is the

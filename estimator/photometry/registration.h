@@ -66,7 +66,7 @@ struct RegistrationOptions {
   double match_px = 2.5;    // a light farther than this from any lamp of the catalogue is a stray
   bool find_strays = true;  // false: only look near the catalogue's lamps (faster)
   DetectionOptions detection{.binning = 2};
-  CentroidOptions centroid;
+  CentroidOptions centroid{};
 };
 
 RegisteredFrame register_frame(const RadianceImage& image, std::span<const CatalogueLamp> catalogue,
