@@ -60,7 +60,8 @@ Cell measure_cell(const RadianceImage& image, int left, int top, int mesh_px) {
   return cell;
 }
 
-// 3x3 median over known cells: a cell filled by one lamp's glare takes its neighbours' level.
+// 3x3 median for the cells that need it: a cell filled by a lamp's glare is both brighter and more uneven than its
+// neighbours, and takes their level. All others stay, so that slopes of the sky keep their shape up to the edge.
 std::vector<Cell> median_filter(const std::vector<Cell>& cells, int across, int down) {
   std::vector<Cell> filtered(cells.size());
   for (int j = 0; j < down; ++j) {
@@ -76,8 +77,11 @@ std::vector<Cell> median_filter(const std::vector<Cell>& cells, int across, int 
           }
         }
       }
-      if (!level.empty())
-        filtered[static_cast<size_t>(j * across + i)] = {median_of(level), median_of(sigma), true};
+      if (level.empty()) continue;
+      const Cell median{median_of(level), median_of(sigma), true};
+      const Cell& cell = cells[static_cast<size_t>(j * across + i)];
+      const bool glare = cell.level > median.level + 3 * median.sigma && cell.sigma > 2 * median.sigma;
+      filtered[static_cast<size_t>(j * across + i)] = cell.known && !glare ? cell : median;
     }
   }
   return filtered;

@@ -36,7 +36,7 @@ inline void add_lamp(Image<double>& truth, const Lamp& lamp) {
       const double part_x = step(x + 1 - lamp.x_px) - step(x - lamp.x_px);
       const double r2 = (std::pow(x + 0.5 - lamp.x_px, 2) + std::pow(y + 0.5 - lamp.y_px, 2)) /
                         (lamp.halo_px * lamp.halo_px);
-      truth.at(x, y) += core * part_x * part_y + halo / std::pow(1 + r2, 1.5);
+      truth.at(x, y) += core * part_x * part_y + halo / ((1 + r2) * std::sqrt(1 + r2));
     }
   }
 }
