@@ -5,6 +5,7 @@ namespace lampglow::daemon {
 void add_commands(CLI::App& program) {
   add_replay(program);
   add_check_config(program);
+  add_simulate(program);
   add_version(program);
   add_man(program);
 }

@@ -11,6 +11,7 @@ namespace lampglow::daemon {
 void add_check_config(CLI::App& program);
 void add_man(CLI::App& program);
 void add_replay(CLI::App& program);
+void add_simulate(CLI::App& program);
 void add_version(CLI::App& program);
 
 // All of the above, in the order in which the help shows them.

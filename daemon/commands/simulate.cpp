@@ -1,0 +1,157 @@
+#include "daemon/simulation/simulate.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include "daemon/commands/commands.h"
+#include "daemon/errors.h"
+
+namespace lampglow::daemon {
+
+namespace {
+
+namespace fs = std::filesystem;
+using simulation::Luminaire;
+using simulation::NightOptions;
+using simulation::Nuisances;
+using simulation::Style;
+
+struct SimulateArguments {
+  NightOptions night;
+  simulation::SimulationRun run;
+  std::vector<std::string> without;
+};
+
+const std::map<std::string, bool Nuisances::*> kNuisances = {
+    {"gain-drift", &Nuisances::gain_drift},
+    {"lamp-drift", &Nuisances::lamp_drift},
+    {"dimming", &Nuisances::dimming},
+    {"outages", &Nuisances::outages},
+    {"shake", &Nuisances::shake},
+    {"cars", &Nuisances::cars},
+    {"stray-lights", &Nuisances::stray_lights},
+    {"hot-pixels", &Nuisances::hot_pixels},
+};
+
+std::vector<std::string> nuisance_names() {
+  std::vector<std::string> names = {"all"};
+  for (const auto& [name, member] : kNuisances) names.push_back(name);
+  return names;
+}
+
+void switch_off(Nuisances& nuisances, const std::vector<std::string>& names) {
+  for (const std::string& name : names) {
+    for (const auto& [known, member] : kNuisances) {
+      if (name == "all" || name == known) nuisances.*member = false;
+    }
+  }
+}
+
+void refuse_bad_combinations(const SimulateArguments& arguments) {
+  const NightOptions& night = arguments.night;
+  if (night.nearest_m >= night.farthest_m) {
+    throw UsageError("simulate: --nearest must be less than --farthest");
+  }
+  if (night.mor_min_m >= night.mor_max_m) throw UsageError("simulate: --mor-min must be less than --mor-max");
+  const int lamps = night.distances_m.empty() ? night.lamps : static_cast<int>(night.distances_m.size());
+  for (const std::string& id : night.catalogue) {
+    bool known = false;
+    for (int i = 1; i <= lamps; ++i) known = known || id == "L" + std::to_string(i);
+    if (!known)
+      throw UsageError("simulate: --catalogue: no lamp " + id + "; expected L1 to L" + std::to_string(lamps));
+  }
+  const fs::path& directory = arguments.run.directory;
+  std::error_code error;
+  if (fs::exists(directory, error) && !fs::is_directory(directory, error)) {
+    throw UsageError("simulate: " + directory.string() + " is a file; expected a directory");
+  }
+  if (fs::exists(directory, error) && !fs::is_empty(directory, error)) {
+    throw UsageError("simulate: " + directory.string() + " is not empty; nothing was written");
+  }
+}
+
+// A bar on a terminal; silence elsewhere.
+void show_progress(const std::string& stage, int done, int of) {
+  if (!isatty(STDERR_FILENO)) return;
+  const int filled = 40 * done / of;
+  fmt::print(stderr, "\r{:18} [{}{}] {}/{} ", stage, std::string(static_cast<size_t>(filled), '#'),
+             std::string(static_cast<size_t>(40 - filled), '.'), done, of);
+  if (done == of) fmt::print(stderr, "\n");
+}
+
+void run_simulate(SimulateArguments& arguments) {
+  switch_off(arguments.night.nuisances, arguments.without);
+  refuse_bad_combinations(arguments);
+  try {
+    simulation::simulate_night(arguments.night, arguments.run, show_progress);
+  } catch (const fs::filesystem_error& error) {
+    throw IoError(std::string("simulate: ") + error.what());
+  }
+  fmt::print("{}: {} observations, {}, seed {}\n", arguments.run.directory.string(), arguments.night.frames,
+             arguments.night.style == Style::bracket ? "brackets of three exposures" : "webcam pictures",
+             arguments.night.seed);
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& program) {
+  auto arguments = std::make_shared<SimulateArguments>();
+  arguments->run.workers = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  CLI::App* command =
+      program.add_subcommand("simulate", "Write an archive of a simulated night, with its truth");
+  NightOptions& night = arguments->night;
+  command->add_option("OUT", arguments->run.directory, "Directory of the archive; new or empty")->required();
+  command->add_option("--seed", night.seed, "The same seed gives the same bytes")->capture_default_str();
+  command->add_option("--frames", night.frames, "Observations; two clear references come on top")
+      ->check(CLI::Range(1, 2000))
+      ->capture_default_str();
+  command
+      ->add_option("--style", night.style,
+                   "bracket: 12 bit, three exposures; webcam: 8-bit sRGB JPEG, saturated")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Style>{{"bracket", Style::bracket}, {"webcam", Style::webcam}}))
+      ->default_str("bracket");
+  command->add_option("--lamps", night.lamps, "Lamps of the catalogue")
+      ->check(CLI::Range(1, 40))
+      ->capture_default_str();
+  command->add_option("--nearest", night.nearest_m, "Distance of the nearest lamp [m]")
+      ->check(CLI::Range(10.0, 10000.0))
+      ->capture_default_str();
+  command->add_option("--farthest", night.farthest_m, "Distance of the farthest lamp [m]")
+      ->check(CLI::Range(10.0, 10000.0))
+      ->capture_default_str();
+  command
+      ->add_option("--distances", night.distances_m, "Distances of all lamps [m], instead of the three above")
+      ->delimiter(',')
+      ->check(CLI::Range(10.0, 10000.0));
+  command->add_option("--catalogue", night.catalogue, "Only these lamps (L1,L2,...) are listed in site.toml")
+      ->delimiter(',');
+  command->add_option("--mor-min", night.mor_min_m, "Least visibility of the night [m]")
+      ->check(CLI::Range(20.0, 50000.0))
+      ->capture_default_str();
+  command->add_option("--mor-max", night.mor_max_m, "Greatest visibility of the night [m]")
+      ->check(CLI::Range(20.0, 50000.0))
+      ->capture_default_str();
+  command->add_option("--without", arguments->without, "Nuisances to leave out, or all")
+      ->delimiter(',')
+      ->check(CLI::IsMember(nuisance_names()));
+  command->add_option("--photons", arguments->run.photons, "Photons that are counted for each q of the night")
+      ->check(CLI::Range(std::uint64_t{1000}, std::uint64_t{1000000000}))
+      ->capture_default_str();
+  command->add_option("--workers", arguments->run.workers, "Threads; the result does not depend on them")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  command->footer(
+      "Examples:\n  lampglow simulate night --seed 7\n"
+      "  lampglow simulate webcam --style webcam --frames 20\n"
+      "  lampglow simulate alone --distances 60,100,180,500 --catalogue L3 --mor-min 150 --mor-max 1500");
+  command->callback([arguments] { run_simulate(*arguments); });
+}
+
+}  // namespace lampglow::daemon

@@ -1,0 +1,140 @@
+#include "daemon/simulation/archive_writer.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+#include "daemon/errors.h"
+#include "daemon/simulation/random.h"
+
+namespace lampglow::simulation {
+
+namespace {
+
+void write_text(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+  stream << text;
+  stream.close();
+  if (!stream) throw daemon::IoError("cannot write " + file.string());
+}
+
+std::string number(double value) {
+  return fmt::format("{:.6g}", value);
+}
+
+std::string number(const std::optional<double>& value) {
+  return value ? number(*value) : "";
+}
+
+std::string camera_table(const Night& night, const Sensor& sensor) {
+  (void)night;
+  std::string text = fmt::format(
+      "[camera]\nwidth_px = {}\nheight_px = {}\nfocal_length_px = {:.1f}\nprincipal_point_px = [{:.1f}, "
+      "{:.1f}]\n"
+      "bit_depth = {}\nblack_level_dn = {:.1f}\nsaturation_dn = {:.1f}\nresponse = \"{}\"\n",
+      kWidthPx, kHeightPx, kFocalLengthPx, kWidthPx / 2.0, kHeightPx / 2.0, sensor.bit_depth,
+      sensor.black_level_dn, sensor.saturation_dn, sensor.srgb ? "srgb" : "linear");
+  if (!sensor.srgb) {
+    text += fmt::format("read_noise_dn = {}\ngain_dn_per_electron = {}\n", sensor.read_noise_dn,
+                        sensor.gain_dn_per_electron);
+  }
+  return text;
+}
+
+}  // namespace
+
+void write_picture(const std::filesystem::path& file, const Image<std::uint16_t>& picture) {
+  const cv::Mat pixels(picture.height_px, picture.width_px, CV_16U,
+                       const_cast<std::uint16_t*>(picture.pixels.data()));
+  bool written = false;
+  if (file.extension() == ".jpg") {
+    cv::Mat grey;
+    pixels.convertTo(grey, CV_8U);
+    const cv::Mat channels[] = {grey, grey, grey};
+    cv::Mat colour;
+    cv::merge(channels, 3, colour);
+    written = cv::imwrite(file.string(), colour, {cv::IMWRITE_JPEG_QUALITY, 92});
+  } else {
+    written = cv::imwrite(file.string(), pixels, {cv::IMWRITE_PNG_COMPRESSION, 1});
+  }
+  if (!written) throw daemon::IoError("cannot write " + file.string());
+}
+
+// A catalogue is made by hand or by `survey`: its positions are off by up to half a pixel.
+void write_site(const std::filesystem::path& file, const Night& night, const Sensor& sensor) {
+  std::string text = fmt::format(
+      "# A simulated night: lampglow simulate --seed {}\n[site]\nname = \"simulated night, seed {}\"\n"
+      "latitude_deg = 52.1\nlongitude_deg = 5.18\nelevation_m = 10.0\n\n{}",
+      night.options.seed, night.options.seed, camera_table(night, sensor));
+  Random random(night.options.seed, {100});
+  for (const Lamp& lamp : night.lamps) {
+    const double x_px = lamp.x_px + random.uniform(-0.5, 0.5);
+    const double y_px = lamp.y_px + random.uniform(-0.5, 0.5);
+    if (!lamp.in_catalogue) continue;
+    text += fmt::format("\n[[light]]\nid = \"{}\"\nx_px = {:.1f}\ny_px = {:.1f}\ndistance_m = {:.1f}\n",
+                        lamp.id, x_px, y_px, lamp.distance_m);
+  }
+  write_text(file, text);
+}
+
+void write_frames(const std::filesystem::path& file, const Night& night,
+                  const std::vector<std::vector<PictureRecord>>& records) {
+  std::string text = "time_utc,file,exposure_s,gain_db,role,reference_mor_m\n";
+  for (size_t i = 0; i < night.frames.size(); ++i) {
+    const Frame& frame = night.frames[i];
+    const bool reference = frame.role == FrameRole::clear_reference;
+    for (const PictureRecord& record : records[i]) {
+      text += fmt::format("{},{},{},{},{},{}\n", format_time_utc(frame.time_utc), record.file,
+                          number(record.exposure_s), number(record.gain_db),
+                          reference ? "clear_reference" : "observation",
+                          reference ? fmt::format("{:.0f}", frame.mor_m()) : "");
+    }
+  }
+  write_text(file, text);
+}
+
+void write_truth(const std::filesystem::path& file, const Night& night, const std::vector<double>& bounds) {
+  std::string text = "time_utc,mor_m,q,weather,crb_ln_extinction\n";
+  for (size_t i = 0; i < night.frames.size(); ++i) {
+    const Frame& frame = night.frames[i];
+    if (frame.role != FrameRole::observation) continue;
+    text += fmt::format("{},{:.1f},{:.4f},{},{}\n", format_time_utc(frame.time_utc), frame.mor_m(), frame.q,
+                        to_string(frame.weather), bounds.empty() ? "" : number(bounds[i]));
+  }
+  write_text(file, text);
+}
+
+void write_full_truth(const std::filesystem::path& file, const Night& night,
+                      const std::vector<double>& bounds, const std::vector<double>& exposure_factor) {
+  std::string text =
+      "time_utc,role,mor_m,extinction_per_m,q,weather,gain,exposure_factor,shift_x_px,shift_y_px,rotation_"
+      "rad,"
+      "sky_electrons_per_s,cars,crb_ln_extinction";
+  for (const Lamp& lamp : night.lamps) text += ",strength_" + lamp.id;
+  text += "\n";
+  for (size_t i = 0; i < night.frames.size(); ++i) {
+    const Frame& frame = night.frames[i];
+    text +=
+        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}", format_time_utc(frame.time_utc),
+                    frame.role == FrameRole::observation ? "observation" : "clear_reference", frame.mor_m(),
+                    frame.extinction_per_m, frame.q, to_string(frame.weather), frame.gain, exposure_factor[i],
+                    frame.shift_x_px, frame.shift_y_px, frame.rotation_rad, frame.sky_electrons_per_s,
+                    frame.cars.size(), bounds.empty() ? "" : number(bounds[i]));
+    for (const double strength : frame.lamp_strength) text += fmt::format(",{}", strength);
+    text += "\n";
+  }
+  text += "\n";
+  text.pop_back();
+  write_text(file, text);
+  std::string lamps = "id,x_px,y_px,distance_m,intensity,height_m,in_catalogue\n";
+  for (const Lamp& lamp : night.lamps) {
+    lamps += fmt::format("{},{},{},{},{},{},{}\n", lamp.id, lamp.x_px, lamp.y_px, lamp.distance_m,
+                         lamp.intensity, lamp.height_m, lamp.in_catalogue ? 1 : 0);
+  }
+  write_text(std::filesystem::path(file).replace_filename("truth_lamps.csv"), lamps);
+}
+
+}  // namespace lampglow::simulation

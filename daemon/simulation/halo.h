@@ -1,0 +1,60 @@
+// The halos of a night's lamps: photons counted by Monte Carlo, for every q and optical thickness of the
+// night. Never the glow table or an integral that the fit uses: a fit must not be tested on its own model.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+namespace lampglow::simulation {
+
+// Scattered radiance [1/sr] at angle θ from a lamp, per irradiance that the lamp would give without air.
+// Log-log interpolation between the bins of the count; below the innermost bin it goes on as 1/θ.
+class HaloProfile {
+ public:
+  HaloProfile() = default;  // no light
+  HaloProfile(double ln_theta_first, double ln_theta_step, std::vector<double> ln_radiance,
+              std::vector<double> relative_error);
+
+  double radiance(double ln_theta) const;        // θ in radians, up to π
+  double relative_error(double ln_theta) const;  // of the count, one standard deviation
+  bool dark() const { return ln_radiance_.empty(); }
+
+ private:
+  double ln_theta_first_ = 0, ln_theta_step_ = 1;
+  std::vector<double> ln_radiance_, relative_error_;
+};
+
+struct HaloRun {
+  double q = 0;
+  double thickness_max = 1;  // the largest optical thickness that is asked of this q
+};
+
+class HaloLibrary {
+ public:
+  // Lamps behind more than this are not drawn: their light is part of the sky's.
+  static constexpr double kThickest = 12;
+
+  // Counts photons for each run, in `workers` threads; progress(done, of) is called as they end.
+  HaloLibrary(const std::vector<HaloRun>& runs, std::uint64_t photons, std::uint64_t seed, int workers,
+              const std::function<void(int, int)>& progress);
+
+  // For the run whose q is this one (or the next above it), and T = σR > 0.
+  HaloProfile profile(double q, double thickness) const;
+
+ private:
+  struct Sphere {
+    double thickness = 0;
+    std::vector<double> ln_radiance, relative_error;
+  };
+  struct Count {
+    double q = 0;
+    std::vector<Sphere> spheres;
+  };
+  static Count count_photons(const HaloRun& run, std::uint64_t photons, std::uint64_t seed);
+  HaloProfile at_thickness(const Count& count, double thickness) const;
+
+  std::vector<Count> counts_;  // ascending q
+};
+
+}  // namespace lampglow::simulation

@@ -1,0 +1,102 @@
+// A night as it truly is: the lamps, the weather and everything that goes wrong, before any picture is drawn.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "estimator/observation.h"
+#include "estimator/photometry/exposure.h"
+#include "estimator/time.h"
+
+namespace lampglow::simulation {
+
+enum class Style {
+  bracket,  // 12-bit linear, three exposures, in 16-bit PNG
+  webcam,   // one 8-bit sRGB JPEG, saturated lamps, automatic exposure that is not told
+};
+
+enum class Luminaire {
+  even,    // the same light in all directions
+  cutoff,  // a Lambertian disc facing down, over a ground plane of albedo 0.2
+};
+
+// What disturbs the pictures. All of it is on unless switched off.
+struct Nuisances {
+  bool gain_drift = true;    // camera's gain and a dirty window: all lamps together, 12 %
+  bool lamp_drift = true;    // each lamp, 6 %
+  bool dimming = true;       // some lamps at half power after midnight
+  bool outages = true;       // a lamp goes out for a while
+  bool shake = true;         // wind: 2.5 px, and a little rotation
+  bool cars = true;          // moving lights
+  bool stray_lights = true;  // lamps that are in no catalogue
+  bool hot_pixels = true;
+};
+
+struct NightOptions {
+  std::uint64_t seed = 1;
+  int frames = 45;  // observations, 1..2000; the clear reference comes on top
+  int lamps = 7;    // 1..40
+  Style style = Style::bracket;
+  Luminaire luminaire = Luminaire::even;
+  double nearest_m = 60;               // lamps are spread evenly in ln(distance) from nearest ...
+  double farthest_m = 1200;            // ... to farthest
+  std::vector<double> distances_m;     // if not empty: these instead of `lamps`, `nearest_m`, `farthest_m`
+  std::vector<std::string> catalogue;  // ids that the site file lists; empty: all
+  double mor_min_m = 40;               // weather stays within these
+  double mor_max_m = 25000;
+  Nuisances nuisances;
+};
+
+struct Lamp {
+  std::string id;
+  double x_px = 0, y_px = 0;  // in the picture of a camera at rest
+  double distance_m = 0;
+  double intensity = 1;  // towards the camera, 1 is the usual lamp's
+  double height_m = 8;   // above the ground (cut-off luminaires)
+  bool in_catalogue = true;
+  int lit_from_frame = 0;  // a stray light may be switched on during the night
+};
+
+// Head lamps on a road; where they are at the middle of the frame's exposures, and how fast.
+struct Car {
+  double x_px = 0, y_px = 0;
+  double distance_m = 0;
+  double intensity = 1;  // of each of its two lamps
+  double spacing_px = 8;
+  double speed_px_per_s = 0;
+};
+
+struct Frame {
+  TimePoint time_utc{};
+  FrameRole role = FrameRole::observation;
+  double extinction_per_m = 0;
+  double q = 0;
+  Weather weather = Weather::clear;
+  double gain = 1;                    // common to all light; 1 in the clear reference
+  std::vector<double> lamp_strength;  // of each lamp, 1 is its usual; 0 is out
+  double shift_x_px = 0, shift_y_px = 0, rotation_rad = 0;
+  double sky_electrons_per_s = 0;  // a pixel's, at the picture's middle
+  std::vector<Car> cars;
+
+  double mor_m() const { return kMorTimesExtinction / extinction_per_m; }
+};
+
+struct Night {
+  NightOptions options;
+  std::vector<Lamp> lamps;    // catalogue lamps and stray lights
+  std::vector<Frame> frames;  // clear reference first, oldest first
+  int stray_from = 0;         // lamps[stray_from...] were never meant to be in a catalogue
+};
+
+// Everything about a night follows from its options; the same options give the same night.
+Night plan_night(const NightOptions& options);
+
+// Two clear brackets at dusk come before the first observation.
+inline constexpr int kReferenceFrames = 2;
+inline constexpr int kWidthPx = 760;
+inline constexpr int kHeightPx = 504;
+inline constexpr double kFocalLengthPx = 1044;
+
+}  // namespace lampglow::simulation

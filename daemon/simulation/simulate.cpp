@@ -1,0 +1,130 @@
+#include "daemon/simulation/simulate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <numeric>
+#include <opencv2/core.hpp>
+
+#include "daemon/simulation/archive_writer.h"
+#include "daemon/simulation/parallel.h"
+#include "daemon/simulation/random.h"
+#include "daemon/simulation/render.h"
+#include "daemon/simulation/sensor.h"
+
+namespace lampglow::simulation {
+
+namespace {
+
+constexpr double kBracketExposures_s[] = {0.008, 0.125, 2.0};
+constexpr double kWebcamExposure_s = 1.0;
+enum Stream : std::uint64_t { kSensorNoise = 50, kHotPixels, kAutomaticExposure };
+
+// Each q once, with the largest optical thickness that a lamp or car is seen through.
+std::vector<HaloRun> halo_runs(const Night& night) {
+  double farthest_m = 400;
+  for (const Lamp& lamp : night.lamps) farthest_m = std::max(farthest_m, lamp.distance_m);
+  std::map<double, double> thickness_of_q;
+  for (const Frame& frame : night.frames) {
+    double& thickness = thickness_of_q[frame.q];
+    thickness = std::min(HaloLibrary::kThickest, std::max(thickness, frame.extinction_per_m * farthest_m));
+  }
+  std::vector<HaloRun> runs;
+  for (const auto& [q, thickness] : thickness_of_q) runs.push_back({q, thickness});
+  return runs;
+}
+
+// Automatic exposure follows the picture's mean, not fully, within limits, and never says so; 1 is nominal.
+double automatic_exposure(const Image<double>& electrons_per_s, const NightOptions& options, size_t frame) {
+  constexpr double kMeteredElectronsPerS = 150;
+  Random random(options.seed, {kAutomaticExposure, frame});
+  const double mean = std::accumulate(electrons_per_s.pixels.begin(), electrons_per_s.pixels.end(), 0.0) /
+                      static_cast<double>(electrons_per_s.pixels.size());
+  const double factor = std::pow(kMeteredElectronsPerS / mean, 0.5) * std::exp(0.08 * random.normal());
+  return std::clamp(factor, 0.25, 4.0);
+}
+
+class ArchiveMaker {
+ public:
+  ArchiveMaker(const Night& night, const HaloLibrary& halos, std::filesystem::path directory)
+      : night_(night),
+        renderer_(night, halos),
+        directory_(std::move(directory)),
+        sensor_(night.options.style == Style::bracket ? bracket_sensor() : webcam_sensor()),
+        records_(night.frames.size()),
+        exposure_factors_(night.frames.size(), 1) {
+    Random random(night.options.seed, {kHotPixels});
+    if (night.options.nuisances.hot_pixels) hot_pixels_ = draw_hot_pixels(kWidthPx, kHeightPx, random);
+  }
+
+  void make_frame(size_t index) {
+    const Frame& frame = night_.frames[index];
+    const Image<double> still = renderer_.still_scene(frame);
+    if (night_.options.style == Style::webcam) {
+      exposure_factors_[index] = automatic_exposure(still, night_.options, index);
+      expose_to_file(index, 0, still, 0, kWebcamExposure_s * exposure_factors_[index]);
+      return;
+    }
+    double start_s = 0;
+    for (int k = 0; k < 3; ++k) {
+      expose_to_file(index, k, still, start_s, kBracketExposures_s[k]);
+      start_s += kBracketExposures_s[k] + 0.1;
+    }
+  }
+
+  void write_tables() const {
+    write_site(directory_ / "site.toml", night_, sensor_);
+    write_frames(directory_ / "frames.csv", night_, records_);
+    write_truth(directory_ / "truth.csv", night_, {});
+    write_full_truth(directory_ / "truth_full.csv", night_, {}, exposure_factors_);
+  }
+
+ private:
+  void expose_to_file(size_t index, int number, const Image<double>& still, double start_s,
+                      double exposure_s) {
+    const bool webcam = night_.options.style == Style::webcam;
+    PictureRecord record;
+    record.file =
+        webcam ? fmt::format("images/{:04}.jpg", index) : fmt::format("images/{:04}_{}.png", index, number);
+    if (!webcam) record.exposure_s = exposure_s;
+    if (!webcam) record.gain_db = 0;
+    Image<double> scene = still;
+    renderer_.add_cars(scene, night_.frames[index], start_s, start_s + exposure_s);
+    Random random(night_.options.seed, {kSensorNoise, index, static_cast<std::uint64_t>(number)});
+    write_picture(directory_ / record.file, expose(scene, exposure_s, sensor_, hot_pixels_, random));
+    records_[index].push_back(record);
+  }
+
+  const Night& night_;
+  Renderer renderer_;
+  std::filesystem::path directory_;
+  Sensor sensor_;
+  std::vector<HotPixel> hot_pixels_;
+  std::vector<std::vector<PictureRecord>> records_;
+  std::vector<double> exposure_factors_;
+};
+
+}  // namespace
+
+void simulate_night(const NightOptions& options, const SimulationRun& run, const Progress& progress) {
+  cv::setNumThreads(1);  // frames are made in parallel already
+  std::filesystem::create_directories(run.directory / "images");
+  const Night night = plan_night(options);
+  const HaloLibrary halos(halo_runs(night), run.photons, options.seed, run.workers,
+                          [&](int done, int of) { progress("counting photons", done, of); });
+  ArchiveMaker maker(night, halos, run.directory);
+  int done = 0;
+  std::mutex mutex;
+  const int count = static_cast<int>(night.frames.size());
+  for_each_index(count, run.workers, [&](int i) {
+    maker.make_frame(static_cast<size_t>(i));
+    const std::lock_guard lock(mutex);
+    progress("taking pictures", ++done, count);
+  });
+  maker.write_tables();
+}
+
+}  // namespace lampglow::simulation
