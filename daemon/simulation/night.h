@@ -40,13 +40,13 @@ struct NightOptions {
   int lamps = 7;    // 1..40
   Style style = Style::bracket;
   Luminaire luminaire = Luminaire::even;
-  double nearest_m = 60;               // lamps are spread evenly in ln(distance) from nearest ...
-  double farthest_m = 1200;            // ... to farthest
-  std::vector<double> distances_m;     // if not empty: these instead of `lamps`, `nearest_m`, `farthest_m`
-  std::vector<std::string> catalogue;  // ids that the site file lists; empty: all
-  double mor_min_m = 40;               // weather stays within these
+  double nearest_m = 60;                 // lamps are spread evenly in ln(distance) from nearest ...
+  double farthest_m = 1200;              // ... to farthest
+  std::vector<double> distances_m{};     // if not empty: these instead of `lamps`, `nearest_m`, `farthest_m`
+  std::vector<std::string> catalogue{};  // ids that the site file lists; empty: all
+  double mor_min_m = 40;                 // weather stays within these
   double mor_max_m = 25000;
-  Nuisances nuisances;
+  Nuisances nuisances{};
 };
 
 struct Lamp {

@@ -11,7 +11,7 @@
 namespace lampglow::simulation {
 
 struct SimulationRun {
-  std::filesystem::path directory;    // made if it is not there; must be empty
+  std::filesystem::path directory{};  // made if it is not there; must be empty
   std::uint64_t photons = 1'000'000;  // for each q of the night
   int workers = 1;
 };

@@ -17,8 +17,8 @@ struct WeatherClass {
 };
 
 constexpr WeatherClass kClasses[] = {
-    {Weather::clear, 6000, 25000, 0.40, 0.68, 2, 0.16}, {Weather::haze, 1200, 5000, 0.71, 0.79, 3, 0.15},
-    {Weather::mist, 1030, 5000, 0.805, 0.845, 3, 0.18}, {Weather::fog, 40, 970, 0.855, 0.895, 4, 0.36},
+    {Weather::clear, 6000, 25000, 0.40, 0.68, 2, 0.16}, {Weather::haze, 1200, 4950, 0.71, 0.79, 3, 0.15},
+    {Weather::mist, 1030, 4950, 0.805, 0.845, 3, 0.18}, {Weather::fog, 40, 970, 0.855, 0.895, 4, 0.36},
     {Weather::rain, 1100, 8000, 0.915, 0.96, 2, 0.15},
 };
 

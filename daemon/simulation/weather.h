@@ -15,8 +15,8 @@ struct Air {
   double q = 0;
 };
 
-// `count` samples through the night, with MOR kept within [mor_min_m, mor_max_m]. Fog is always among the
-// episodes and comes down to mor_min_m. There are at most 14 different q in a night.
+// `count` samples through the night, with MOR kept within [mor_min_m, mor_max_m]. Every class that this range
+// allows has its episode; fog comes down to mor_min_m. There are at most 14 different q in a night.
 std::vector<Air> draw_weather(int count, double mor_min_m, double mor_max_m, Random& random);
 
 }  // namespace lampglow::simulation
