@@ -50,6 +50,8 @@ namespace {
 std::string describe(const toml::node& node) {
   if (node.is_table()) return "a table";
   if (node.is_array()) return "a list";
+  if (const auto* real = node.as_floating_point()) return format_number(real->get());
+  if (const auto* text = node.as_string()) return format_text(text->get());
   std::ostringstream out;
   node.visit([&out](const auto& concrete) { out << concrete; });
   return out.str();

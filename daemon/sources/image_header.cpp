@@ -84,15 +84,16 @@ std::optional<ImageHeader> read_jpeg(std::span<const std::uint8_t> bytes) {
       return header;
     }
     const std::uint32_t length = in.u16(at + 2);
-    if (length < 2) return header;
+    if (length < 2 && in.good()) return header;
     if (marker >= 0xC0 && marker <= 0xC2 && !header) {
       header = ImageHeader{ImageFormat::jpeg, in.u16(at + 7), in.u16(at + 5), static_cast<int>(in.u8(at + 4)),
                            static_cast<int>(in.u8(at + 9))};
-      if (!in.good()) return std::nullopt;
     }
+    if (!in.good()) return ImageHeader{ImageFormat::jpeg};  // cut off
     at += 2 + length;
     if (marker == 0xDA) at = skip_entropy_coded(bytes, at);
   }
+  if (!header && at + 1 >= bytes.size()) return ImageHeader{ImageFormat::jpeg};
   return header;
 }
 
@@ -109,6 +110,7 @@ std::uint32_t tiff_value(Reader& in, const TiffEntry& entry, std::uint64_t index
 
 struct TiffDirectory {
   TiffEntry width, height, bits, channels, offsets, lengths;
+  bool inside = true;  // the values of every entry lie within the file
 
   TiffEntry* entry(std::uint32_t tag) {
     switch (tag) {
@@ -133,12 +135,15 @@ struct TiffDirectory {
 };
 
 TiffDirectory read_directory(Reader& in, std::uint64_t at) {
+  constexpr std::array<std::uint64_t, 13> kTypeBytes{0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8};
   TiffDirectory directory;
   const std::uint32_t entries = in.u16(at);
   for (std::uint32_t i = 0; i < entries && in.good(); ++i) {
     const std::uint64_t entry_at = at + 2 + 12 * std::uint64_t{i};
     TiffEntry entry{in.u16(entry_at + 2), in.u32(entry_at + 4), entry_at + 8};
-    if (entry.count * (entry.type == 3 ? 2 : 4) > 4) entry.at = in.u32(entry_at + 8);
+    const std::uint64_t length = entry.count * (entry.type < kTypeBytes.size() ? kTypeBytes[entry.type] : 1);
+    if (length > 4) entry.at = in.u32(entry_at + 8);
+    if (entry.at + length > in.size()) directory.inside = false;
     if (TiffEntry* wanted = directory.entry(in.u16(entry_at))) *wanted = entry;
   }
   return directory;
@@ -168,7 +173,8 @@ std::optional<ImageHeader> read_tiff(std::span<const std::uint8_t> bytes, bool l
                      tiff_value(in, directory.height, 0),
                      directory.bits.count ? static_cast<int>(tiff_value(in, directory.bits, 0)) : 1,
                      directory.channels.count ? static_cast<int>(tiff_value(in, directory.channels, 0)) : 1};
-  header.complete = tiff_complete(in, directory);
+  if (!in.good()) return ImageHeader{ImageFormat::tiff};
+  header.complete = directory.inside && tiff_complete(in, directory);
   return header;
 }
 
