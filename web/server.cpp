@@ -1,1 +1,356 @@
 #include "web/server.h"
+
+#include <boost/asio.hpp>
+#include <boost/asio/ssl.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/ssl.hpp>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <thread>
+
+#include "web/reader_pool.h"
+
+namespace lampglow::web {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+using asio::ip::tcp;
+using boost::system::error_code;
+
+constexpr auto kNoThrow = asio::as_tuple(asio::use_awaitable);
+constexpr int kMissedObservations = 2000;
+
+using PlainStream = beast::tcp_stream;
+using TlsStream = beast::ssl_stream<beast::tcp_stream>;
+using RequestParser = http::request_parser<http::string_body>;
+using WireResponse = http::response<http::span_body<const char>>;
+
+std::string field(const http::request<http::string_body>& request, http::field name) {
+  return std::string(request[name]);
+}
+
+Request to_request(const http::request<http::string_body>& wire) {
+  Request request;
+  request.method = std::string(wire.method_string());
+  request.target = std::string(wire.target());
+  request.if_none_match = field(wire, http::field::if_none_match);
+  request.accept = field(wire, http::field::accept);
+  request.authorization = field(wire, http::field::authorization);
+  request.last_event_id = std::string(wire["Last-Event-ID"]);
+  return request;
+}
+
+WireResponse to_wire(const Response& response, unsigned version, bool keep_alive, bool head_only) {
+  WireResponse wire{http::int_to_status(static_cast<unsigned>(response.status)), version};
+  wire.set("Server", "lampglow");
+  if (!response.content_type.empty()) wire.set(http::field::content_type, response.content_type);
+  for (const auto& [name, value] : response.headers) wire.insert(name, value);
+  wire.set("X-Content-Type-Options", "nosniff");
+  wire.set("X-Frame-Options", "DENY");
+  wire.set("Referrer-Policy", "no-referrer");
+  wire.set("Cross-Origin-Resource-Policy", "same-origin");
+  wire.keep_alive(keep_alive);
+  const std::string_view content = response.content();
+  if (response.status != 304) wire.content_length(content.size());
+  if (!head_only && response.status != 304) wire.body() = {content.data(), content.size()};
+  return wire;
+}
+
+// What to answer where Beast could not read a request; 0: nothing, the client is gone.
+int status_of(const error_code& error) {
+  if (error == http::error::header_limit || error == http::error::buffer_overflow) return 431;
+  if (error == http::error::body_limit) return 413;
+  if (error == beast::error::timeout) return 0;
+  return error.category() == http::make_error_code(http::error::bad_method).category() &&
+                 error != http::error::end_of_stream && error != http::error::partial_message
+             ? 400
+             : 0;
+}
+
+asio::ssl::context tls_context(const ServerOptions& options) {
+  asio::ssl::context context(asio::ssl::context::tls_server);
+  if (options.tls_certificate.empty()) return context;
+  context.set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
+                      asio::ssl::context::no_tlsv1_1);
+  error_code error;
+  context.use_certificate_chain_file(options.tls_certificate.string(), error);
+  if (error)
+    throw std::runtime_error(options.tls_certificate.string() +
+                             ": no usable PEM certificate: " + error.message());
+  context.use_private_key_file(options.tls_key.string(), asio::ssl::context::pem, error);
+  if (error)
+    throw std::runtime_error(options.tls_key.string() + ": no usable PEM key for it: " + error.message());
+  return context;
+}
+
+}  // namespace
+
+struct Server::Impl {
+  Impl(const ServerOptions& given, LiveState& state, const ApiOptions& api_options)
+      : options(given),
+        live(state),
+        api(state, api_options),
+        tls(tls_context(given)),
+        acceptor(io),
+        readers(api_options.database.value_or("")) {
+    listen();
+    live.on_message([this] { asio::post(io, [this] { wake_streams(); }); });
+  }
+
+  ~Impl() {
+    live.on_message({});
+    stop();
+  }
+
+  void listen() {
+    error_code error;
+    const auto address = asio::ip::make_address(options.address, error);
+    if (error) throw std::runtime_error("http address " + options.address + ": expected an IP address");
+    const tcp::endpoint endpoint(address, options.port);
+    acceptor.open(endpoint.protocol());
+    acceptor.set_option(asio::socket_base::reuse_address(true));
+    acceptor.bind(endpoint, error);
+    if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
+    if (error)
+      throw std::runtime_error("cannot listen on " + options.address + " port " +
+                               std::to_string(options.port) + ": " + error.message());
+  }
+
+  void start() {
+    asio::co_spawn(io, accept_all(), asio::detached);
+    thread = std::thread([this] { io.run(); });
+  }
+
+  void stop() {
+    io.stop();
+    if (thread.joinable()) thread.join();
+    database_threads.stop();
+    database_threads.join();
+  }
+
+  void wake_streams() {
+    for (asio::steady_timer* timer : waiting_streams) timer->cancel();
+  }
+
+  asio::awaitable<void> accept_all();
+  asio::awaitable<void> connection(tcp::socket socket);
+  template <typename Stream>
+  asio::awaitable<void> serve(Stream& stream);
+  template <typename Stream>
+  asio::awaitable<bool> answer(Stream& stream, const http::request<http::string_body>& wire);
+  template <typename Stream>
+  asio::awaitable<void> refuse(Stream& stream, int status);
+  template <typename Stream>
+  asio::awaitable<void> follow(Stream& stream, const Request& request, WireResponse& head);
+  asio::awaitable<Response> from_database(const Request& request);
+  asio::awaitable<std::string> first_messages(const Request& request, std::uint64_t& sequence);
+
+  ServerOptions options;
+  LiveState& live;
+  Api api;
+  asio::io_context io{1};
+  asio::ssl::context tls;
+  tcp::acceptor acceptor;
+  ReaderPool readers;
+  asio::thread_pool database_threads{2};
+  std::thread thread;
+  std::set<asio::steady_timer*> waiting_streams;
+  std::map<asio::ip::address, int> by_address;
+  int connections = 0;
+  int streams = 0;
+};
+
+asio::awaitable<void> Server::Impl::accept_all() {
+  for (;;) {
+    auto [error, socket] = co_await acceptor.async_accept(kNoThrow);
+    if (error == asio::error::operation_aborted) co_return;
+    if (error) {  // out of file descriptors: let some of them come back
+      asio::steady_timer pause(io, std::chrono::milliseconds(100));
+      co_await pause.async_wait(kNoThrow);
+      continue;
+    }
+    error_code gone;
+    const auto peer = socket.remote_endpoint(gone);
+    if (gone || connections >= options.max_connections) continue;
+    if (by_address[peer.address()] >= options.max_connections_per_address) continue;
+    asio::co_spawn(io, connection(std::move(socket)), asio::detached);
+  }
+}
+
+asio::awaitable<void> Server::Impl::connection(tcp::socket socket) {
+  error_code error;
+  const auto address = socket.remote_endpoint(error).address();
+  ++connections;
+  ++by_address[address];
+  socket.set_option(tcp::no_delay(true), error);
+  try {
+    if (options.tls_certificate.empty()) {
+      PlainStream stream(std::move(socket));
+      co_await serve(stream);
+    } else {
+      TlsStream stream(std::move(socket), tls);
+      beast::get_lowest_layer(stream).expires_after(options.header_timeout);
+      const auto [failed] = co_await stream.async_handshake(asio::ssl::stream_base::server, kNoThrow);
+      if (!failed) co_await serve(stream);
+    }
+  } catch (const std::exception&) {  // out of memory for one connection must not end the server
+  }
+  --connections;
+  if (--by_address[address] == 0) by_address.erase(address);
+}
+
+template <typename Stream>
+asio::awaitable<void> Server::Impl::serve(Stream& stream) {
+  beast::flat_buffer buffer(static_cast<size_t>(options.max_header_bytes + options.max_body_bytes));
+  for (bool first = true;; first = false) {
+    RequestParser parser;
+    parser.header_limit(static_cast<std::uint32_t>(options.max_header_bytes));
+    parser.body_limit(static_cast<std::uint64_t>(options.max_body_bytes));
+    auto& lowest = beast::get_lowest_layer(stream);
+    if (!first && buffer.size() == 0) {
+      // Waiting between requests is no sin; being slow within one is.
+      lowest.expires_after(options.keep_alive_timeout);
+      const auto [error, count] = co_await stream.async_read_some(buffer.prepare(1024), kNoThrow);
+      if (error) co_return;
+      buffer.commit(count);
+    }
+    lowest.expires_after(options.header_timeout);
+    const auto [error, ignored] = co_await http::async_read(stream, buffer, parser, kNoThrow);
+    if (error) {
+      if (const int status = status_of(error)) co_await refuse(stream, status);
+      break;
+    }
+    const auto request = parser.release();
+    if (!co_await answer(stream, request)) break;
+  }
+  error_code ignored;
+  beast::get_lowest_layer(stream).socket().shutdown(tcp::socket::shutdown_send, ignored);
+}
+
+template <typename Stream>
+asio::awaitable<void> Server::Impl::refuse(Stream& stream, int status) {
+  live.count_request(status);
+  const Response response = problem(status, "the request could not be read");
+  WireResponse wire = to_wire(response, 11, false, false);
+  beast::get_lowest_layer(stream).expires_after(options.write_timeout);
+  co_await http::async_write(stream, wire, kNoThrow);
+}
+
+asio::awaitable<Response> Server::Impl::from_database(const Request& request) {
+  // Runs on a database thread; what it gives comes back on the connection's.
+  co_return co_await asio::co_spawn(
+      database_threads,
+      [this, &request]() -> asio::awaitable<Response> {
+        try {
+          co_return readers.use([&](storage::Reader& reader) { return api.answer(request, &reader); });
+        } catch (const storage::StorageError&) {
+        }
+        co_return problem(503, "the database cannot be read at the moment");
+      },
+      asio::use_awaitable);
+}
+
+// False: close the connection.
+template <typename Stream>
+asio::awaitable<bool> Server::Impl::answer(Stream& stream, const http::request<http::string_body>& wire) {
+  const Request request = to_request(wire);
+  const Route::Kind kind = api.kind(request);
+  Response response;
+  if (kind == Route::Kind::database)
+    response = co_await from_database(request);
+  else
+    response = api.answer(request, nullptr);
+  live.count_request(response.status);
+  const bool streaming = kind == Route::Kind::stream && response.status == 200;
+  const bool keep_alive = wire.keep_alive() && !streaming;
+  WireResponse head = to_wire(response, wire.version(), keep_alive, wire.method() == http::verb::head);
+  beast::get_lowest_layer(stream).expires_after(options.write_timeout);
+  if (streaming) {
+    head.erase(http::field::content_length);
+    co_await follow(stream, request, head);
+    co_return false;
+  }
+  const auto [error, count] = co_await http::async_write(stream, head, kNoThrow);
+  co_return !error && keep_alive;
+}
+
+// What the client has missed: from memory, else from the database; nothing for a new client but the present
+// state.
+asio::awaitable<std::string> Server::Impl::first_messages(const Request& request, std::uint64_t& sequence) {
+  std::string out = "retry: 3000\n\n";
+  sequence = live.last_sequence();
+  const auto position = parse_stream_id(request.last_event_id);
+  if (!position) co_return out;
+  const auto kept = position->run == live.run_id() ? live.messages_after(position->sequence) : std::nullopt;
+  if (kept) {
+    sequence = position->sequence;
+    co_return out;
+  }
+  if (!api.options().database) co_return out;
+  out += co_await asio::co_spawn(
+      database_threads,
+      [this, &position]() -> asio::awaitable<std::string> {
+        try {
+          co_return readers.use([&](storage::Reader& reader) {
+            return missed_messages(live, reader, *position, kMissedObservations);
+          });
+        } catch (const storage::StorageError&) {
+        }
+        co_return "";
+      },
+      asio::use_awaitable);
+  co_return out;
+}
+
+template <typename Stream>
+asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& request, WireResponse& head) {
+  http::response_serializer<http::span_body<const char>, http::fields> serializer(head);
+  if (const auto [error, count] = co_await http::async_write_header(stream, serializer, kNoThrow); error)
+    co_return;
+  std::uint64_t sequence = 0;
+  std::string text = co_await first_messages(request, sequence);
+  asio::steady_timer timer(io);
+  waiting_streams.insert(&timer);
+  live.set_stream_clients(++streams);
+  for (;;) {
+    if (const auto news = live.messages_after(sequence))
+      for (const auto& message : *news) {
+        text += message->wire;
+        sequence = message->sequence;
+      }
+    else  // it fell behind what is kept
+      sequence = live.last_sequence();
+    if (!text.empty()) {
+      beast::get_lowest_layer(stream).expires_after(options.write_timeout);
+      const auto [error, count] = co_await asio::async_write(stream, asio::buffer(text), kNoThrow);
+      if (error) break;
+      text = {};
+    }
+    if (live.last_sequence() != sequence) continue;
+    timer.expires_after(options.stream_heartbeat);
+    const auto [woken] = co_await timer.async_wait(kNoThrow);
+    if (!woken) text = ": still here\n\n";
+  }
+  waiting_streams.erase(&timer);
+  live.set_stream_clients(--streams);
+}
+
+Server::Server(const ServerOptions& options, LiveState& live, const ApiOptions& api)
+    : impl_(std::make_unique<Impl>(options, live, api)) {}
+Server::~Server() = default;
+
+void Server::start() {
+  impl_->start();
+}
+void Server::stop() {
+  impl_->stop();
+}
+unsigned short Server::port() const {
+  return impl_->acceptor.local_endpoint().port();
+}
+
+}  // namespace lampglow::web

@@ -1,0 +1,232 @@
+// The server over real sockets.
+#include "web/server.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <boost/json.hpp>
+#include <thread>
+
+#include "storage/store.h"
+#include "tests/storage/sample.h"
+#include "tests/storage/temporary_directory.h"
+#include "tests/web/client.h"
+
+namespace lampglow::web {
+namespace {
+
+using namespace testing_support;
+using testing::HasSubstr;
+using testing::Not;
+
+class ServerTest : public testing::Test {
+ protected:
+  void start(ServerOptions options = {}, ApiOptions api = {}) {
+    options.port = 0;
+    live.set_camera("quay", harbour());
+    server = std::make_unique<Server>(options, live, api);
+    server->start();
+  }
+  Answer ask(const std::string& target, const std::string& fields = "") {
+    return get(server->port(), target, fields);
+  }
+
+  TimePoint now = at("2026-11-22T01:00:40Z");
+  LiveOptions live_options{.version = "test", .now = [this] { return now; }};
+  LiveState live{live_options};
+  std::unique_ptr<Server> server;
+};
+
+TEST_F(ServerTest, SaysTheCurrentVisibilityAndHowOldItIs) {
+  start();
+  EXPECT_EQ(ask("/v1/current").status, 503);
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  const Answer answer = ask("/v1/current");
+  ASSERT_EQ(answer.status, 200) << answer.head << answer.body;
+  EXPECT_TRUE(answer.has("Content-Type: application/geo+json"));
+  EXPECT_TRUE(answer.has("Cache-Control: private, max-age=50"));
+  EXPECT_TRUE(answer.has("X-Content-Type-Options: nosniff"));
+  const auto feature = boost::json::parse(answer.body).as_object();
+  EXPECT_EQ(feature.at("type"), "Feature");
+  EXPECT_EQ(feature.at("id"), "quay/2026-11-22T01:00:30Z");
+  const auto& properties = feature.at("properties").as_object();
+  EXPECT_EQ(properties.at("ageSeconds").as_int64(), 10);
+  EXPECT_EQ(properties.at("stale"), false);
+  EXPECT_NEAR(properties.at("visibility").at("value").to_number<double>(), 2.995732273553991 / 0.012, 1e-9);
+  EXPECT_EQ(properties.at("visibility").at("unitCode"), "wmoUnit:m");
+  EXPECT_EQ(properties.at("weather"), "fog");
+  EXPECT_EQ(properties.at("rawMessage"), "METAR HARBOUR 220100Z AUTO /////KT 0200 FG");
+}
+
+TEST_F(ServerTest, AStaleObservationHasNoValues) {
+  start();
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  now = at("2026-11-22T01:05:31Z");
+  const auto feature = boost::json::parse(ask("/v1/current").body);
+  const auto& properties = feature.at("properties");
+  EXPECT_EQ(properties.at("stale"), true);
+  EXPECT_TRUE(properties.at("visibility").at("value").is_null());
+  EXPECT_TRUE(properties.at("extinction").at("value").is_null());
+  EXPECT_EQ(properties.at("weather"), "unknown");
+  EXPECT_EQ(properties.at("timestamp"), "2026-11-22T01:00:30Z");
+  EXPECT_EQ(properties.at("ageSeconds").as_int64(), 301);
+}
+
+TEST_F(ServerTest, AnUnchangedAnswerIsNotSentAgain) {
+  start();
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  EXPECT_TRUE(ask("/v1/current").has("ETag: W/\"quay/2026-11-22T01:00:30Z\""));
+  const Answer again = ask("/v1/current", "If-None-Match: W/\"quay/2026-11-22T01:00:30Z\"\r\n");
+  EXPECT_EQ(again.status, 304);
+  EXPECT_EQ(again.body, "");
+}
+
+TEST_F(ServerTest, ErrorsAreProblemDetails) {
+  start();
+  for (const auto& [target, status] : std::map<std::string, int>{{"/v1/current?camera=attic", 404},
+                                                                 {"/v1/nothing", 404},
+                                                                 {"/v1/current?colour=red", 400},
+                                                                 {"/v1/current?camera=%zz", 400},
+                                                                 {"/v1/../etc/passwd", 400}}) {
+    const Answer answer = ask(target);
+    EXPECT_EQ(answer.status, status) << target;
+    EXPECT_TRUE(answer.has("Content-Type: application/problem+json")) << target;
+    EXPECT_EQ(boost::json::parse(answer.body).at("status").as_int64(), status);
+  }
+  EXPECT_THAT(ask("/v1/current?colour=red").body,
+              HasSubstr("unknown query parameter colour; known here: camera"));
+}
+
+TEST_F(ServerTest, NothingWritesThroughHttp) {
+  start();
+  for (const char* method : {"POST", "PUT", "DELETE", "PATCH"}) {
+    Client client(server->port());
+    client.send(std::string(method) +
+                " /v1/current HTTP/1.1\r\nHost: t\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
+    EXPECT_EQ(to_answer(client.read_all()).status, 405) << method;
+  }
+}
+
+TEST_F(ServerTest, HeadHasTheHeadersAlone) {
+  start();
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  Client client(server->port());
+  client.send("HEAD /v1/current HTTP/1.1\r\nHost: t\r\nConnection: close\r\n\r\n");
+  const Answer answer = to_answer(client.read_all());
+  EXPECT_EQ(answer.status, 200);
+  EXPECT_EQ(answer.body, "");
+  EXPECT_TRUE(answer.has("Content-Length: "));
+}
+
+TEST_F(ServerTest, LimitsHeadersBodiesAndGarbage) {
+  start();
+  EXPECT_EQ(ask("/healthz", "X: " + std::string(9000, 'x') + "\r\n").status, 431);
+  Client body(server->port());
+  body.send("POST /healthz HTTP/1.1\r\nHost: t\r\nContent-Length: 5000\r\n\r\n" + std::string(5000, 'x'));
+  EXPECT_EQ(to_answer(body.read_all()).status, 413);
+  Client garbage(server->port());
+  garbage.send("\x16\x03\x01 garbage that is no request\r\n\r\n");
+  EXPECT_EQ(to_answer(garbage.read_all()).status, 400);
+}
+
+TEST_F(ServerTest, ASlowClientIsDropped) {
+  ServerOptions options;
+  options.header_timeout = std::chrono::seconds(1);
+  start(options);
+  Client client(server->port());
+  client.send("GET /healthz HTT");
+  EXPECT_TRUE(client.closed());
+}
+
+TEST_F(ServerTest, AnAddressHasOnlySoManyConnections) {
+  ServerOptions options;
+  options.max_connections_per_address = 2;
+  start(options);
+  Client first(server->port()), second(server->port());
+  first.send("GET /healthz HTTP/1.1\r\nHost: t\r\n\r\n");
+  EXPECT_THAT(first.read_until("}"), HasSubstr("200 OK"));
+  second.send("GET /healthz HTTP/1.1\r\nHost: t\r\n\r\n");
+  EXPECT_THAT(second.read_until("}"), HasSubstr("200 OK"));
+  Client third(server->port());
+  EXPECT_TRUE(third.closed());
+}
+
+TEST_F(ServerTest, KeepsTheConnectionForManyRequests) {
+  start();
+  Client client(server->port());
+  std::string all;
+  for (int i = 0; i < 3; ++i) client.send("GET /healthz HTTP/1.1\r\nHost: t\r\n\r\n");
+  client.send("GET /readyz HTTP/1.1\r\nHost: t\r\nConnection: close\r\n\r\n");
+  all = client.read_all();
+  size_t count = 0;
+  for (size_t at = all.find("200 OK"); at != std::string::npos; at = all.find("200 OK", at + 1)) ++count;
+  EXPECT_EQ(count, 3u);
+  EXPECT_THAT(all, HasSubstr("503 Service Unavailable"));
+}
+
+TEST_F(ServerTest, TheStreamSendsWhatComesAndResumes) {
+  start();
+  Client client(server->port());
+  client.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\n\r\n");
+  client.read_until("retry: 3000");
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  const std::string first = client.read_until("\"ageSeconds\"");
+  EXPECT_THAT(first, HasSubstr("Content-Type: text/event-stream"));
+  EXPECT_THAT(
+      first,
+      HasSubstr("event: observation\ndata: {\"type\":\"Feature\",\"id\":\"quay/2026-11-22T01:00:30Z\""));
+  const std::string id =
+      live.run_id() + "-1-" + std::to_string(at("2026-11-22T01:00:30Z").time_since_epoch().count());
+  EXPECT_THAT(first, HasSubstr("id: " + id));
+
+  live.publish("quay", foggy(at("2026-11-22T01:01:30Z")));
+  Client back(server->port());
+  back.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\nLast-Event-ID: " + id + "\r\n\r\n");
+  const std::string missed = back.read_until("\"ageSeconds\"");
+  EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T01:01:30Z"));
+  EXPECT_THAT(missed, Not(HasSubstr("quay/2026-11-22T01:00:30Z\"")));
+}
+
+TEST_F(ServerTest, AClientOfAnEarlierRunGetsWhatItMissedFromTheDatabase) {
+  TemporaryDirectory directory;
+  storage::Store store(directory / "x.db");
+  const auto camera = store.upsert_camera("quay", harbour());
+  for (const char* time : {"2026-11-22T00:58:30Z", "2026-11-22T00:59:30Z", "2026-11-22T01:00:30Z"})
+    store.put(camera, foggy(at(time)));
+  store.commit();
+  ApiOptions api;
+  api.database = directory / "x.db";
+  start({}, api);
+  Client client(server->port());
+  client.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\nLast-Event-ID: 17-5-" +
+              std::to_string(at("2026-11-22T00:58:30Z").time_since_epoch().count()) + "\r\n\r\n");
+  const std::string missed = client.read_until("quay/2026-11-22T01:00:30Z");
+  EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T00:59:30Z"));
+  EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T01:00:30Z"));
+  EXPECT_THAT(missed, Not(HasSubstr("quay/2026-11-22T00:58:30Z")));
+}
+
+TEST_F(ServerTest, StopsAtOnceWithClientsConnected) {
+  start();
+  Client streaming(server->port()), idle(server->port());
+  streaming.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\n\r\n");
+  streaming.read_until("retry");
+  const auto begin = std::chrono::steady_clock::now();
+  server.reset();
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(1));
+}
+
+TEST_F(ServerTest, AnAddressThatIsTakenIsAClearError) {
+  start();
+  ServerOptions options;
+  options.port = server->port();
+  try {
+    Server second(options, live, {});
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cannot listen on 127.0.0.1 port " + std::to_string(options.port)));
+  }
+}
+
+}  // namespace
+}  // namespace lampglow::web

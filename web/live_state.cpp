@@ -1,0 +1,368 @@
+#include "web/live_state.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <deque>
+#include <map>
+#include <mutex>
+
+#include "storage/means.h"
+#include "web/metrics_text.h"
+#include "web/query.h"
+
+namespace lampglow::web {
+namespace {
+
+using storage::ObservationRow;
+
+// The last hour of one camera, for running means and the trend.
+class LastHour {
+ public:
+  void add(const Observation& observation) {
+    frames_.push_back(observation);
+    const TimePoint oldest = observation.time_utc - std::chrono::hours(1);
+    while (frames_.front().time_utc <= oldest || frames_.front().time_utc > observation.time_utc)
+      frames_.pop_front();
+  }
+
+  // The mean of (end - period, end], end being the latest frame's time.
+  ObservationRow running_mean(int period_s) const { return mean_between(period_s, 0, period_s); }
+
+  // The last ten minutes against the ten before, as extinction: 30 % is a change.
+  std::string trend() const {
+    const auto now = mean_between(600, 0, 600).observation.extinction_per_m;
+    const auto before = mean_between(600, 600, 600).observation.extinction_per_m;
+    if (!now || !before) return "";
+    if (*now > 1.3 * *before) return "worsening";
+    return *before > 1.3 * *now ? "improving" : "steady";
+  }
+
+ private:
+  ObservationRow mean_between(int length_s, int until_s, int period_s) const {
+    const TimePoint end = frames_.back().time_utc - std::chrono::seconds(until_s);
+    std::vector<Observation> chosen;
+    for (const Observation& frame : frames_)
+      if (frame.time_utc > end - std::chrono::seconds(length_s) && frame.time_utc <= end)
+        chosen.push_back(frame);
+    return storage::mean_of(chosen, end, period_s);
+  }
+
+  std::deque<Observation> frames_;
+};
+
+struct CameraState {
+  storage::CameraRecord record;
+  std::vector<storage::LampRecord> lamps;
+  std::optional<FrameResult> latest;
+  LastHour hour;
+  FeatureHalves fresh, stale;
+  std::string etag;
+  CameraHealth health;
+  std::optional<Picture> picture;
+  CameraCounters counters;
+};
+
+bool failed(const FrameResult& result) {
+  return !result.observation.extinction_per_m;
+}
+
+std::string new_run_id() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now).count());
+}
+
+}  // namespace
+
+struct LiveState::Impl {
+  explicit Impl(LiveOptions given) : options(std::move(given)), run_id(new_run_id()) {
+    if (!options.now)
+      options.now = [] {
+        return std::chrono::time_point_cast<std::chrono::milliseconds>(std::chrono::system_clock::now());
+      };
+  }
+
+  CameraState* find(const std::string& name) {
+    if (name.empty()) return cameras.empty() ? nullptr : cameras.front().get();
+    for (const auto& camera : cameras)
+      if (camera->record.name == name) return camera.get();
+    return nullptr;
+  }
+
+  void render(CameraState& camera) {
+    if (!camera.latest) return;
+    ObservationRow row;
+    row.observation = camera.latest->observation;
+    row.reason = camera.latest->reason;
+    row.values = failed(*camera.latest) ? 0 : 1;
+    const ObservationRow minute = camera.hour.running_mean(60), ten = camera.hour.running_mean(600);
+    CurrentParts parts{&camera.record, &row, &minute, &ten, camera.hour.trend(), camera.health};
+    camera.fresh = current_feature(parts, false);
+    camera.stale = current_feature(parts, true);
+    camera.etag = percent_encode(camera.record.name) + "/" + format_time_utc(row.observation.time_utc);
+  }
+
+  // False if the frame is older than what is current (a late one): it does not become current.
+  bool take(CameraState& camera, const FrameResult& result) {
+    if (camera.latest && result.observation.time_utc < camera.latest->observation.time_utc &&
+        camera.latest->observation.time_utc <= options.now())
+      return false;
+    camera.latest = result;
+    camera.hour.add(result.observation);
+    render(camera);
+    return true;
+  }
+
+  void send(const std::string& type, TimePoint time, const std::string& data) {
+    auto message = std::make_shared<StreamMessage>();
+    message->sequence = ++sequence;
+    message->wire = "id: " + run_id + "-" + std::to_string(sequence) + "-" +
+                    std::to_string(time.time_since_epoch().count()) + "\nevent: " + type + "\ndata: " + data +
+                    "\n\n";
+    stream.push_back(std::move(message));
+    while (std::ssize(stream) > options.stream_messages) stream.pop_front();
+  }
+
+  double age_s(const CameraState& camera) const {
+    const auto age = options.now() - camera.latest->observation.time_utc;
+    return std::max(0.0, std::chrono::duration<double>(age).count());
+  }
+
+  LiveOptions options;
+  const std::string run_id;
+  mutable std::mutex mutex;
+  std::vector<std::unique_ptr<CameraState>> cameras;
+  std::deque<std::shared_ptr<const StreamMessage>> stream;
+  std::uint64_t sequence = 0;
+  std::function<void()> notify;
+  std::map<std::string, std::string> faults;
+  std::string not_ready = "starting";
+  std::map<int, std::uint64_t> requests;
+  int stream_clients = 0;
+};
+
+std::optional<StreamPosition> parse_stream_id(std::string_view id) {
+  const size_t first = id.find('-');
+  const size_t second = first == std::string_view::npos ? first : id.find('-', first + 1);
+  if (second == std::string_view::npos) return std::nullopt;
+  StreamPosition out{std::string(id.substr(0, first)), 0, {}};
+  std::int64_t time_ms = 0;
+  const auto whole = [](std::string_view text, auto& value) {
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    return error == std::errc{} && end == text.data() + text.size();
+  };
+  constexpr std::int64_t kLastMs = 253402300799999;  // year 9999
+  if (!whole(id.substr(first + 1, second - first - 1), out.sequence) ||
+      !whole(id.substr(second + 1), time_ms) || time_ms < 0 || time_ms > kLastMs)
+    return std::nullopt;
+  out.time_utc = TimePoint{std::chrono::milliseconds{time_ms}};
+  return out;
+}
+
+LiveState::LiveState(LiveOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+LiveState::~LiveState() = default;
+
+void LiveState::set_camera(const std::string& name, const Site& site) {
+  const std::lock_guard lock(impl_->mutex);
+  CameraState* camera = name.empty() ? nullptr : impl_->find(name);
+  if (!camera) camera = impl_->cameras.emplace_back(std::make_unique<CameraState>()).get();
+  camera->record = {0,
+                    name,
+                    site.name,
+                    site.latitude_deg,
+                    site.longitude_deg,
+                    site.elevation_m,
+                    site.camera.width_px,
+                    site.camera.height_px};
+  camera->lamps.clear();
+  for (const Light& light : site.lights)
+    camera->lamps.push_back({light.id, light.x_px, light.y_px, light.distance_m, {}});
+  impl_->render(*camera);
+}
+
+void LiveState::publish(const std::string& name, const FrameResult& result,
+                        std::optional<double> duration_s) {
+  std::function<void()> notify;
+  {
+    const std::lock_guard lock(impl_->mutex);
+    CameraState* camera = impl_->find(name);
+    if (!camera) return;
+    camera->counters.count(!failed(result), duration_s);
+    const bool current = impl_->take(*camera, result);
+    if (current) {
+      const double age = impl_->age_s(*camera);
+      impl_->send("observation", result.observation.time_utc,
+                  camera->fresh.head + std::to_string(static_cast<int>(age)) + camera->fresh.tail);
+      notify = impl_->notify;
+    }
+  }
+  if (notify) notify();
+}
+
+void LiveState::restore(const std::string& name, const FrameResult& result) {
+  const std::lock_guard lock(impl_->mutex);
+  if (CameraState* camera = impl_->find(name)) impl_->take(*camera, result);
+}
+
+void LiveState::publish_event(const storage::Event& event) {
+  std::function<void()> notify;
+  {
+    const std::lock_guard lock(impl_->mutex);
+    impl_->send("event", event.time_utc, event_json(event));
+    notify = impl_->notify;
+  }
+  if (notify) notify();
+}
+
+void LiveState::set_health(const std::string& name, const CameraHealth& health) {
+  const std::lock_guard lock(impl_->mutex);
+  CameraState* camera = impl_->find(name);
+  if (!camera) return;
+  camera->health = health;
+  impl_->render(*camera);
+}
+
+void LiveState::set_picture(const std::string& name, Picture picture) {
+  const std::lock_guard lock(impl_->mutex);
+  if (CameraState* camera = impl_->find(name)) camera->picture = std::move(picture);
+}
+
+void LiveState::set_not_ready(const std::string& reason) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->not_ready = reason;
+}
+
+void LiveState::set_fault(const std::string& part, const std::string& message) {
+  const std::lock_guard lock(impl_->mutex);
+  if (message.empty())
+    impl_->faults.erase(part);
+  else
+    impl_->faults[part] = message;
+}
+
+std::vector<storage::CameraRecord> LiveState::cameras() const {
+  const std::lock_guard lock(impl_->mutex);
+  std::vector<storage::CameraRecord> out;
+  for (const auto& camera : impl_->cameras) out.push_back(camera->record);
+  return out;
+}
+
+std::optional<storage::CameraRecord> LiveState::camera(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  return camera ? std::optional(camera->record) : std::nullopt;
+}
+
+std::optional<CurrentAnswer> LiveState::current(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  if (!camera || !camera->latest) return std::nullopt;
+  const double age_s = impl_->age_s(*camera);
+  const bool stale = age_s > static_cast<double>(impl_->options.stale_after.count());
+  const FeatureHalves& halves = stale ? camera->stale : camera->fresh;
+  CurrentAnswer answer;
+  answer.body.reserve(halves.head.size() + halves.tail.size() + 16);
+  answer.body = halves.head;
+  answer.body += std::to_string(static_cast<std::int64_t>(age_s));
+  answer.body += halves.tail;
+  answer.etag = "W/\"" + camera->etag + (stale ? "/stale\"" : "\"");
+  const double due_s = static_cast<double>(impl_->options.frame_interval.count()) - age_s;
+  answer.max_age_s = static_cast<int>(std::clamp(std::ceil(due_s), 1.0, 3600.0));
+  return answer;
+}
+
+std::optional<FrameResult> LiveState::latest_result(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  return camera ? camera->latest : std::nullopt;
+}
+
+std::vector<storage::LampRecord> LiveState::lamps(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  return camera ? camera->lamps : std::vector<storage::LampRecord>();
+}
+
+std::optional<Picture> LiveState::picture(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  return camera ? camera->picture : std::nullopt;
+}
+
+std::optional<CameraHealth> LiveState::health(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  return camera ? std::optional(camera->health) : std::nullopt;
+}
+
+std::vector<std::string> LiveState::faults() const {
+  const std::lock_guard lock(impl_->mutex);
+  std::vector<std::string> out;
+  for (const auto& [part, message] : impl_->faults) out.push_back(part + ": " + message);
+  return out;
+}
+
+std::string LiveState::not_ready() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->not_ready;
+}
+
+TimePoint LiveState::now() const {
+  return impl_->options.now();
+}
+
+const std::string& LiveState::run_id() const {
+  return impl_->run_id;
+}
+
+std::uint64_t LiveState::last_sequence() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->sequence;
+}
+
+std::optional<std::vector<std::shared_ptr<const StreamMessage>>> LiveState::messages_after(
+    std::uint64_t after) const {
+  const std::lock_guard lock(impl_->mutex);
+  const std::uint64_t first_kept =
+      impl_->stream.empty() ? impl_->sequence + 1 : impl_->stream.front()->sequence;
+  if (after > impl_->sequence || after + 1 < first_kept) return std::nullopt;
+  std::vector<std::shared_ptr<const StreamMessage>> out;
+  for (size_t i = after + 1 - first_kept; i < impl_->stream.size(); ++i) out.push_back(impl_->stream[i]);
+  return out;
+}
+
+void LiveState::on_message(std::function<void()> callback) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->notify = std::move(callback);
+}
+
+void LiveState::count_request(int status) {
+  const std::lock_guard lock(impl_->mutex);
+  ++impl_->requests[status];
+}
+
+void LiveState::set_stream_clients(int count) {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->stream_clients = count;
+}
+
+std::string LiveState::metrics() const {
+  const std::lock_guard lock(impl_->mutex);
+  MetricsInput input;
+  input.version = impl_->options.version;
+  for (const auto& camera : impl_->cameras) {
+    CameraMetrics entry{camera->record.name, camera->health.up, camera->counters, {}, {}};
+    if (camera->latest) {
+      const Observation& o = camera->latest->observation;
+      entry.last_observation_utc = o.time_utc;
+      if (impl_->age_s(*camera) <= static_cast<double>(impl_->options.stale_after.count())) entry.fresh = o;
+    }
+    input.cameras.push_back(std::move(entry));
+  }
+  input.requests = impl_->requests;
+  input.stream_clients = impl_->stream_clients;
+  for (const auto& [part, message] : impl_->faults) input.faults.push_back(part);
+  return prometheus_text(input);
+}
+
+}  // namespace lampglow::web
