@@ -26,6 +26,7 @@ struct SimulateArguments {
   NightOptions night;
   simulation::SimulationRun run;
   std::vector<std::string> without;
+  bool day = false, night_too = false;
 };
 
 const std::map<std::string, bool Nuisances::*> kNuisances = {
@@ -59,6 +60,7 @@ void refuse_bad_combinations(const SimulateArguments& arguments) {
     throw UsageError("simulate: --nearest must be less than --farthest");
   }
   if (night.mor_min_m >= night.mor_max_m) throw UsageError("simulate: --mor-min must be less than --mor-max");
+  if (night.targets_m.size() > 8) throw UsageError("simulate: --targets takes up to 8 distances");
   const int lamps = night.distances_m.empty() ? night.lamps : static_cast<int>(night.distances_m.size());
   for (const std::string& id : night.catalogue) {
     bool known = false;
@@ -87,6 +89,8 @@ void show_progress(const std::string& stage, int done, int of) {
 
 void run_simulate(SimulateArguments& arguments) {
   switch_off(arguments.night.nuisances, arguments.without);
+  if (arguments.day)
+    arguments.night.hours = arguments.night_too ? simulation::Hours::both : simulation::Hours::day;
   refuse_bad_combinations(arguments);
   try {
     simulation::simulate_night(arguments.night, arguments.run, show_progress);
@@ -117,6 +121,12 @@ void add_simulate(CLI::App& program) {
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, Style>{{"bracket", Style::bracket}, {"webcam", Style::webcam}}))
       ->default_str("bracket");
+  command->add_flag("--day", arguments->day, "By day: dark targets against the horizon sky");
+  command->add_flag("--night", arguments->night_too, "With --day: the whole 24 hours");
+  command->add_option("--targets", night.targets_m, "Distances of the day's targets [m]")
+      ->delimiter(',')
+      ->check(CLI::Range(30.0, 20000.0))
+      ->capture_default_str();
   command->add_option("--lamps", night.lamps, "Lamps of the catalogue")
       ->check(CLI::Range(1, 40))
       ->capture_default_str();
@@ -150,6 +160,8 @@ void add_simulate(CLI::App& program) {
   command->footer(
       "Examples:\n  lampglow simulate night --seed 7\n"
       "  lampglow simulate webcam --style webcam --frames 20\n"
+      "  lampglow simulate day --day\n"
+      "  lampglow simulate 24h --day --night --frames 96\n"
       "  lampglow simulate alone --distances 60,100,180,500 --catalogue L3 --mor-min 150 --mor-max 1500");
   command->callback([arguments] { run_simulate(*arguments); });
 }

@@ -29,8 +29,7 @@ std::string number(const std::optional<double>& value) {
   return value ? number(*value) : "";
 }
 
-std::string camera_table(const Night& night, const Sensor& sensor) {
-  (void)night;
+std::string camera_table(const Sensor& sensor) {
   std::string text = fmt::format(
       "[camera]\nwidth_px = {}\nheight_px = {}\nfocal_length_px = {:.1f}\nprincipal_point_px = [{:.1f}, "
       "{:.1f}]\n"
@@ -67,8 +66,8 @@ void write_picture(const std::filesystem::path& file, const Image<std::uint16_t>
 void write_site(const std::filesystem::path& file, const Night& night, const Sensor& sensor) {
   std::string text = fmt::format(
       "# A simulated night: lampglow simulate --seed {}\n[site]\nname = \"simulated night, seed {}\"\n"
-      "latitude_deg = 52.1\nlongitude_deg = 5.18\nelevation_m = 10.0\n\n{}",
-      night.options.seed, night.options.seed, camera_table(night, sensor));
+      "latitude_deg = {}\nlongitude_deg = {}\nelevation_m = 10.0\n\n{}",
+      night.options.seed, night.options.seed, kLatitude_deg, kLongitude_deg, camera_table(sensor));
   Random random(night.options.seed, {100});
   for (const Lamp& lamp : night.lamps) {
     const double x_px = lamp.x_px + random.uniform(-0.5, 0.5);
@@ -76,6 +75,11 @@ void write_site(const std::filesystem::path& file, const Night& night, const Sen
     if (!lamp.in_catalogue) continue;
     text += fmt::format("\n[[light]]\nid = \"{}\"\nx_px = {:.1f}\ny_px = {:.1f}\ndistance_m = {:.1f}\n",
                         lamp.id, x_px, y_px, lamp.distance_m);
+  }
+  for (const SkylineTarget& target : night.targets) {
+    text +=
+        fmt::format("\n[[target]]\nid = \"{}\"\nbox_px = [{}, {}, {}, {}]\ndistance_m = {:.1f}\n", target.id,
+                    target.x_px, target.y_px, target.width_px, target.height_px, target.distance_m);
   }
   write_text(file, text);
 }
@@ -108,11 +112,11 @@ void write_truth(const std::filesystem::path& file, const Night& night, const st
 }
 
 void write_full_truth(const std::filesystem::path& file, const Night& night,
-                      const std::vector<double>& bounds, const std::vector<double>& exposure_factor) {
+                      const std::vector<double>& bounds, const std::vector<double>& longest_exposure_s) {
   std::string text =
-      "time_utc,role,mor_m,extinction_per_m,q,weather,gain,exposure_factor,shift_x_px,shift_y_px,rotation_"
+      "time_utc,role,mor_m,extinction_per_m,q,weather,gain,longest_exposure_s,shift_x_px,shift_y_px,rotation_"
       "rad,"
-      "sky_electrons_per_s,cars,crb_ln_extinction";
+      "sky_electrons_per_s,sun_altitude_deg,cars,crb_ln_extinction";
   for (const Lamp& lamp : night.lamps) text += ",strength_" + lamp.id;
   text += "\n";
   for (size_t i = 0; i < night.frames.size(); ++i) {
@@ -120,9 +124,9 @@ void write_full_truth(const std::filesystem::path& file, const Night& night,
     text +=
         fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}", format_time_utc(frame.time_utc),
                     frame.role == FrameRole::observation ? "observation" : "clear_reference", frame.mor_m(),
-                    frame.extinction_per_m, frame.q, to_string(frame.weather), frame.gain, exposure_factor[i],
-                    frame.shift_x_px, frame.shift_y_px, frame.rotation_rad, frame.sky_electrons_per_s,
-                    frame.cars.size(), bounds.empty() ? "" : number(bounds[i]));
+                    frame.extinction_per_m, frame.q, to_string(frame.weather), frame.gain,
+                    longest_exposure_s[i], frame.shift_x_px, frame.shift_y_px, frame.rotation_rad,
+                    frame.sky_electrons_per_s, frame.cars.size(), bounds.empty() ? "" : number(bounds[i]));
     for (const double strength : frame.lamp_strength) text += fmt::format(",{}", strength);
     text += "\n";
   }

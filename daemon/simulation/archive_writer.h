@@ -33,6 +33,6 @@ void write_truth(const std::filesystem::path& file, const Night& night, const st
 
 // Everything that is true of every frame, for tests and benches; replay does not read it.
 void write_full_truth(const std::filesystem::path& file, const Night& night,
-                      const std::vector<double>& bounds, const std::vector<double>& exposure_factor);
+                      const std::vector<double>& bounds, const std::vector<double>& longest_exposure_s);
 
 }  // namespace lampglow::simulation

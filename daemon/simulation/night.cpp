@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "daemon/simulation/daylight.h"
 #include "daemon/simulation/random.h"
 #include "daemon/simulation/weather.h"
 
@@ -27,10 +28,12 @@ enum Stream : std::uint64_t {
   kSky
 };
 
-constexpr auto kDusk = sys_days{2026y / January / 15} + 17h + 30min;
-constexpr auto kFirstObservation = kDusk + 30min;
-constexpr auto kMidnight = sys_days{2026y / January / 16};
-constexpr auto kNightLength = 12h;
+// A winter night, or a day near the equinox.
+struct Schedule {
+  std::vector<TimePoint> references;
+  TimePoint first{};
+  minutes length{};
+};
 constexpr double kEdgePx = 40;
 constexpr int kStrayLights = 3;
 constexpr double kClearSkyElectronsPerS = 40;
@@ -95,7 +98,7 @@ void add_stray_lights(Night& night) {
     lamp.height_m = random.uniform(5, 10);
     lamp.intensity = std::exp(0.35 * random.normal()) * 0.6;
     lamp.in_catalogue = false;
-    lamp.lit_from_frame = i == kStrayLights - 1 ? kReferenceFrames + night.options.frames / 3 : 0;
+    lamp.lit_from_frame = i == kStrayLights - 1 ? night.references + night.options.frames / 3 : 0;
     place_lamp(lamp, night.lamps, 30, random);
     night.lamps.push_back(lamp);
   }
@@ -112,16 +115,37 @@ std::vector<double> wander(int count, double correlation, Random& random) {
   return series;
 }
 
+Schedule schedule_of(Hours hours) {
+  const TimePoint winter = sys_days{2026y / January / 15};
+  const TimePoint spring = sys_days{2026y / March / 20};
+  switch (hours) {
+    case Hours::night:
+      return {{winter + 17h + 30min, winter + 17h + 40min}, winter + 18h, 12h};
+    case Hours::day:
+      return {{spring - 14h, spring - 13h - 50min}, spring + 6h, 12h};
+    case Hours::both:
+      break;
+  }
+  return {{spring - 14h, spring - 13h - 50min, spring - 3h, spring - 2h - 50min}, spring + 12h, 24h};
+}
+
 void set_times(Night& night) {
-  const int count = night.options.frames;
-  const auto step = duration_cast<seconds>(kNightLength) / count;
-  for (int i = 0; i < kReferenceFrames; ++i) {
-    night.frames[static_cast<size_t>(i)].time_utc = kDusk + i * 10min;
-    night.frames[static_cast<size_t>(i)].role = FrameRole::clear_reference;
+  const Schedule schedule = schedule_of(night.options.hours);
+  night.references = static_cast<int>(schedule.references.size());
+  night.frames.resize(schedule.references.size() + static_cast<size_t>(night.options.frames));
+  const auto step = duration_cast<seconds>(schedule.length) / night.options.frames;
+  for (size_t i = 0; i < night.frames.size(); ++i) {
+    const bool reference = i < schedule.references.size();
+    Frame& frame = night.frames[i];
+    frame.role = reference ? FrameRole::clear_reference : FrameRole::observation;
+    frame.time_utc = reference ? schedule.references[i]
+                               : schedule.first + static_cast<int>(i - schedule.references.size()) * step;
   }
-  for (int i = 0; i < count; ++i) {
-    night.frames[static_cast<size_t>(kReferenceFrames + i)].time_utc = kFirstObservation + i * step;
-  }
+}
+
+// From midnight to seven in the morning.
+bool after_midnight(TimePoint time) {
+  return time - floor<days>(time) < 7h;
 }
 
 void set_weather(Night& night) {
@@ -131,8 +155,9 @@ void set_weather(Night& night) {
       draw_weather(night.options.frames, night.options.mor_min_m, night.options.mor_max_m, random);
   for (size_t i = 0; i < night.frames.size(); ++i) {
     Frame& frame = night.frames[i];
-    const bool reference = i < kReferenceFrames;
-    const Air sample = reference ? Air{Weather::clear, reference_mor_m, 0.55} : air[i - kReferenceFrames];
+    const bool reference = frame.role == FrameRole::clear_reference;
+    const Air sample = reference ? Air{Weather::clear, reference_mor_m, 0.55}
+                                 : air[i - static_cast<size_t>(night.references)];
     frame.extinction_per_m = kMorTimesExtinction / sample.mor_m;
     frame.q = sample.q;
     frame.weather = sample.weather;
@@ -159,12 +184,12 @@ void set_drifts(Night& night) {
     Random random(night.options.seed, {kDrift, l});
     const std::vector<double> drift = wander(count, 0.7, random);
     for (size_t i = 0; i < night.frames.size(); ++i) {
-      const double share = i < kReferenceFrames ? 0.01 : 0.06;
+      const double share = night.frames[i].role == FrameRole::clear_reference ? 0.01 : 0.06;
       if (night.options.nuisances.lamp_drift) night.frames[i].lamp_strength[l] = std::exp(share * drift[i]);
     }
   }
   for (size_t i = 0; i < night.frames.size(); ++i) {
-    const double share = i < kReferenceFrames ? 0.01 : 0.12;
+    const double share = night.frames[i].role == FrameRole::clear_reference ? 0.01 : 0.12;
     if (night.options.nuisances.gain_drift) night.frames[i].gain = std::exp(share * gain[i]);
   }
 }
@@ -175,7 +200,8 @@ void dim_after_midnight(Night& night) {
   for (size_t l = 0; l < night.lamps.size(); ++l) {
     if (!random.chance(0.6)) continue;
     for (Frame& frame : night.frames) {
-      if (frame.time_utc >= kMidnight) frame.lamp_strength[l] *= 0.5;
+      if (after_midnight(frame.time_utc) && frame.role == FrameRole::observation)
+        frame.lamp_strength[l] *= 0.5;
     }
   }
 }
@@ -190,7 +216,7 @@ void switch_lamps_off(Night& night) {
     const auto flickering = static_cast<size_t>(random.below(night.stray_from));
     const int first = random.below(count);
     for (int i = 0; i < count; ++i) {
-      Frame& frame = night.frames[static_cast<size_t>(kReferenceFrames + i)];
+      Frame& frame = night.frames[static_cast<size_t>(night.references + i)];
       if (i >= first && i < first + count / 6) frame.lamp_strength[lamp] = 0;
       if (random.chance(0.03)) frame.lamp_strength[flickering] = 0;
     }
@@ -235,10 +261,9 @@ void drive_cars(Night& night) {
 Night plan_night(const NightOptions& options) {
   Night night;
   night.options = options;
-  night.frames.resize(static_cast<size_t>(kReferenceFrames + options.frames));
+  set_times(night);
   add_catalogue_lamps(night);
   if (options.nuisances.stray_lights) add_stray_lights(night);
-  set_times(night);
   set_weather(night);
   set_sky(night);
   set_drifts(night);
@@ -246,6 +271,7 @@ Night plan_night(const NightOptions& options) {
   if (options.nuisances.outages) switch_lamps_off(night);
   if (options.nuisances.shake) shake_camera(night);
   if (options.nuisances.cars) drive_cars(night);
+  if (options.hours != Hours::night) add_daylight(night);
   return night;
 }
 

@@ -34,17 +34,22 @@ struct Nuisances {
   bool hot_pixels = true;
 };
 
+// Which part of the clock the frames are spread over.
+enum class Hours { night, day, both };
+
 struct NightOptions {
   std::uint64_t seed = 1;
-  int frames = 45;  // observations, 1..2000; the clear reference comes on top
-  int lamps = 7;    // 1..40
+  Hours hours = Hours::night;  // by day, and with both, dark targets stand against the horizon sky
+  int frames = 45;             // observations, 1..2000; the clear reference comes on top
+  int lamps = 7;               // 1..40
   Style style = Style::bracket;
   Luminaire luminaire = Luminaire::even;
   double nearest_m = 60;                 // lamps are spread evenly in ln(distance) from nearest ...
   double farthest_m = 1200;              // ... to farthest
   std::vector<double> distances_m{};     // if not empty: these instead of `lamps`, `nearest_m`, `farthest_m`
   std::vector<std::string> catalogue{};  // ids that the site file lists; empty: all
-  double mor_min_m = 40;                 // weather stays within these
+  std::vector<double> targets_m{150, 450, 1350, 4000};  // distances of the day's targets; 1 to 8
+  double mor_min_m = 40;                                // weather stays within these
   double mor_max_m = 25000;
   Nuisances nuisances{};
 };
@@ -68,6 +73,29 @@ struct Car {
   double speed_px_per_s = 0;
 };
 
+struct SunAngles {
+  double altitude_deg = -90;
+  double azimuth_deg = 0;
+};
+
+// A dark object on the skyline: tree line, building, hill.
+struct SkylineTarget {
+  std::string id;
+  int x_px = 0, y_px = 0, width_px = 0, height_px = 0;
+  double distance_m = 0;
+  double reflectance = 0.06;
+};
+
+// What daylight does in one frame.
+struct Daylight {
+  SunAngles sun;
+  double horizon_electrons_per_s = 0;  // of the horizon sky, a pixel's, mid-picture
+  std::vector<double>
+      path_extinction;  // of each target, and of the ground (last): its share of the station's
+  std::vector<double> target_brightness;  // of each target, and of the ground: wet, lit, shaded; 1 is usual
+  double airlight = 1;                    // of the paths, against the horizon sky
+};
+
 struct Frame {
   TimePoint time_utc{};
   FrameRole role = FrameRole::observation;
@@ -79,22 +107,30 @@ struct Frame {
   double shift_x_px = 0, shift_y_px = 0, rotation_rad = 0;
   double sky_electrons_per_s = 0;  // a pixel's, at the picture's middle
   std::vector<Car> cars;
+  Daylight day;
 
   double mor_m() const { return kMorTimesExtinction / extinction_per_m; }
 };
 
 struct Night {
   NightOptions options;
-  std::vector<Lamp> lamps;    // catalogue lamps and stray lights
-  std::vector<Frame> frames;  // clear reference first, oldest first
-  int stray_from = 0;         // lamps[stray_from...] were never meant to be in a catalogue
+  int references = 0;                  // frames[0] … frames[references-1] are clear references
+  std::vector<SkylineTarget> targets;  // none by night alone
+  std::vector<Lamp> lamps;             // catalogue lamps and stray lights
+  std::vector<Frame> frames;           // clear reference first, oldest first
+  int stray_from = 0;                  // lamps[stray_from...] were never meant to be in a catalogue
 };
 
 // Everything about a night follows from its options; the same options give the same night.
 Night plan_night(const NightOptions& options);
 
-// Two clear brackets at dusk come before the first observation.
+// Two clear brackets come before the first observation; two by night and two by day where both are asked for.
 inline constexpr int kReferenceFrames = 2;
+
+inline constexpr double kLatitude_deg = 52.1;
+inline constexpr double kLongitude_deg = 5.18;
+inline constexpr double kCameraAzimuth_deg = 20;  // away from the sun
+inline constexpr double kHorizonRow = 300;
 inline constexpr int kWidthPx = 760;
 inline constexpr int kHeightPx = 504;
 inline constexpr double kFocalLengthPx = 1044;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include "daemon/simulation/daylight.h"
 
 namespace lampglow::simulation {
 
@@ -70,8 +71,9 @@ double lamp_electrons_per_s(const Night& night, const Frame& frame, size_t lamp)
 Renderer::Renderer(const Night& night, const HaloLibrary& halos)
     : night_(night), halos_(halos), lens_(spread_, kCanvasWidthPx, kCanvasHeightPx) {}
 
-// Brighter towards the horizon.
+// By night alone: brighter towards the horizon, and no skyline.
 void Renderer::add_sky(Image<double>& canvas, const Frame& frame) const {
+  if (!night_.targets.empty()) return add_skyline(canvas, night_, frame, kMarginPx);
   for (int row = 0; row < canvas.height_px; ++row) {
     const double height = (row + 0.5 - kMarginPx) / kHeightPx - 0.5;
     const double sky = frame.sky_electrons_per_s * frame.gain * (1 + 0.3 * height);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -19,8 +20,7 @@ namespace lampglow::simulation {
 
 namespace {
 
-constexpr double kBracketExposures_s[] = {0.008, 0.125, 2.0};
-constexpr double kWebcamExposure_s = 1.0;
+constexpr std::array<double, 3> kNightBracket_s = {0.008, 0.125, 2.0};
 enum Stream : std::uint64_t { kSensorNoise = 50, kHotPixels, kAutomaticExposure };
 
 // Each q once, with the largest optical thickness that a lamp or car is seen through.
@@ -37,14 +37,24 @@ std::vector<HaloRun> halo_runs(const Night& night) {
   return runs;
 }
 
-// Automatic exposure follows the picture's mean, not fully, within limits, and never says so; 1 is nominal.
-double automatic_exposure(const Image<double>& electrons_per_s, const NightOptions& options, size_t frame) {
+// A webcam's exposure in seconds. By night it follows the picture's mean half-way round one second, within
+// limits; by day it holds the mean at a fifth of the range. It never says what it did.
+double automatic_exposure_s(const Image<double>& electrons_per_s, const NightOptions& options, size_t frame) {
   constexpr double kMeteredElectronsPerS = 150;
+  constexpr double kDayElectrons = 2000;
   Random random(options.seed, {kAutomaticExposure, frame});
   const double mean = std::accumulate(electrons_per_s.pixels.begin(), electrons_per_s.pixels.end(), 0.0) /
                       static_cast<double>(electrons_per_s.pixels.size());
-  const double factor = std::pow(kMeteredElectronsPerS / mean, 0.5) * std::exp(0.08 * random.normal());
-  return std::clamp(factor, 0.25, 4.0);
+  const double by_night = std::clamp(std::pow(kMeteredElectronsPerS / mean, 0.5), 0.25, 4.0);
+  return std::min(by_night, kDayElectrons / mean) * std::exp(0.08 * random.normal());
+}
+
+// The station's bracket: by night three fixed exposures; by day the middle one puts the horizon sky at half
+// the range, the others are a quarter and four times it.
+std::array<double, 3> bracket_exposures_s(const Frame& frame) {
+  const double middle_s = 7500 / (frame.day.horizon_electrons_per_s + 1);
+  if (4 * middle_s > kNightBracket_s[2]) return kNightBracket_s;
+  return {middle_s / 4, middle_s, middle_s * 4};
 }
 
 class ArchiveMaker {
@@ -55,7 +65,7 @@ class ArchiveMaker {
         directory_(std::move(directory)),
         sensor_(night.options.style == Style::bracket ? bracket_sensor() : webcam_sensor()),
         records_(night.frames.size()),
-        exposure_factors_(night.frames.size(), 1) {
+        exposures_s_(night.frames.size(), 1) {
     Random random(night.options.seed, {kHotPixels});
     if (night.options.nuisances.hot_pixels) hot_pixels_ = draw_hot_pixels(kWidthPx, kHeightPx, random);
   }
@@ -64,14 +74,16 @@ class ArchiveMaker {
     const Frame& frame = night_.frames[index];
     const Image<double> still = renderer_.still_scene(frame);
     if (night_.options.style == Style::webcam) {
-      exposure_factors_[index] = automatic_exposure(still, night_.options, index);
-      expose_to_file(index, 0, still, 0, kWebcamExposure_s * exposure_factors_[index]);
+      exposures_s_[index] = automatic_exposure_s(still, night_.options, index);
+      expose_to_file(index, 0, still, 0, exposures_s_[index]);
       return;
     }
     double start_s = 0;
-    for (int k = 0; k < 3; ++k) {
-      expose_to_file(index, k, still, start_s, kBracketExposures_s[k]);
-      start_s += kBracketExposures_s[k] + 0.1;
+    int number = 0;
+    for (const double exposure_s : bracket_exposures_s(frame)) {
+      expose_to_file(index, number++, still, start_s, exposure_s);
+      exposures_s_[index] = exposure_s;
+      start_s += exposure_s + 0.1;
     }
   }
 
@@ -79,7 +91,7 @@ class ArchiveMaker {
     write_site(directory_ / "site.toml", night_, sensor_);
     write_frames(directory_ / "frames.csv", night_, records_);
     write_truth(directory_ / "truth.csv", night_, {});
-    write_full_truth(directory_ / "truth_full.csv", night_, {}, exposure_factors_);
+    write_full_truth(directory_ / "truth_full.csv", night_, {}, exposures_s_);
   }
 
  private:
@@ -104,7 +116,7 @@ class ArchiveMaker {
   Sensor sensor_;
   std::vector<HotPixel> hot_pixels_;
   std::vector<std::vector<PictureRecord>> records_;
-  std::vector<double> exposure_factors_;
+  std::vector<double> exposures_s_;
 };
 
 }  // namespace
