@@ -39,8 +39,8 @@ enum class Hours { night, day, both };
 
 struct NightOptions {
   std::uint64_t seed = 1;
-  Hours hours = Hours::night;  // by day, and with both, dark targets stand against the horizon sky
   int frames = 45;             // observations, 1..2000; the clear reference comes on top
+  Hours hours = Hours::night;  // by day, and with both, dark targets stand against the horizon sky
   int lamps = 7;               // 1..40
   Style style = Style::bracket;
   Luminaire luminaire = Luminaire::even;
