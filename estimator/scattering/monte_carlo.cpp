@@ -192,14 +192,17 @@ class BlockRun {
   }
 
   // Diffusion outside a sphere that takes every walker in: from r the share R/r comes back, after a time with
-  // Lévy's distribution (x/Z)²/2D, Z normal. Directions are remembered for one transport length, and the
-  // sphere is black to what comes from outside, so R is drawn in by Milne's 0.7104 transport lengths.
+  // Lévy's distribution (x/Z)²/2D, Z normal. Directions are remembered for one transport length l*. Seen from
+  // outside the sphere is black, so the density falls to nothing not at its surface but as if at an R that
+  // keeps Milne's ratio of density to slope there: 0.7104 l* for a plane, more for a small sphere (Davison
+  // 1957, Neutron Transport Theory, ch. 14, between 0.7104 and 4/3; the slope 0.25 is ours, chosen so that
+  // the result does not depend on where far begins).
   bool return_from_far(Photon& photon) {
     const float start = photon.radius + photon.cosine * q_ * transport_length_;
-    const float hit = far_radius_ - 0.7104f * transport_length_;
-    const double uniform = random_.uniform();
-    if (uniform * static_cast<double>(std::max(start, far_radius_)) > static_cast<double>(hit)) return false;
-    if (!lossless_) lose_on_the_way(static_cast<double>(std::max(start, far_radius_) - hit));
+    const float milne = (0.7104f + 0.25f * transport_length_ / far_radius_) * transport_length_;
+    const float hit = far_radius_ * far_radius_ / (far_radius_ + milne);
+    if (random_.uniform() * static_cast<double>(start) > static_cast<double>(hit)) return false;
+    if (!lossless_) lose_on_the_way(static_cast<double>(std::max(start - hit, 0.0f)));
     const float inward = std::sqrt(random_.two_uniforms()[0]);  // Lambert's law
     photon = {far_radius_, -inward, std::sqrt((1 - inward) * (1 + inward))};
     returned_ = true;

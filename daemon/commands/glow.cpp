@@ -1,0 +1,140 @@
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "daemon/commands/commands.h"
+#include "daemon/commands/threads.h"
+#include "daemon/errors.h"
+#include "estimator/scattering/glow_model.h"
+#include "estimator/scattering/glow_table.h"
+#include "estimator/scattering/monte_carlo.h"
+#include "estimator/scattering/single_scattering.h"
+
+namespace lampglow::daemon {
+namespace {
+
+using scattering::GlowModel;
+constexpr double kDegree = std::numbers::pi / 180;
+
+struct Options {
+  double q = 0, thickness = 0, albedo = 1;
+  std::string model = "table";
+  std::vector<double> theta_deg;
+  std::uint64_t photons = 4'000'000, seed = 1;
+  unsigned threads = 0;
+};
+
+std::vector<double> radians(const std::vector<double>& degrees) {
+  std::vector<double> result;
+  for (const double degree : degrees) result.push_back(degree * kDegree);
+  return result;
+}
+
+void print_head(const Options& options) {
+  std::printf("# model %s, q %.17g, optical thickness %.17g, albedo %.17g\n", options.model.c_str(), options.q,
+              options.thickness, options.albedo);
+  std::puts("# radiance per unit emitted flux in optical units: times extinction^2 it is W/m2/sr per W");
+  std::printf("# direct_irradiance %.9e (exp(-T)/(4 pi T^2), times extinction^2 it is W/m2 per W)\n",
+              scattering::direct_irradiance(options.thickness));
+}
+
+void print_table(const Options& options) {
+  const std::vector<double> theta = radians(options.theta_deg);
+  std::vector<double> single(theta.size()), multiple(theta.size());
+  scattering::default_glow_table().parts(options.thickness, options.q, options.albedo, theta, single, multiple);
+  std::puts("theta_deg,single,multiple,total");
+  for (std::size_t i = 0; i < theta.size(); ++i) {
+    // The table's single scattering is within 1e-4 of this; here there is time for the integral itself.
+    const double exact =
+        scattering::single_scattering(options.thickness, options.q, options.albedo, theta[i]).value;
+    std::printf("%.10g,%.9e,%.9e,%.9e\n", options.theta_deg[i], exact, multiple[i], exact + multiple[i]);
+  }
+}
+
+// Models that do not split the light by its order leave those fields empty.
+void print_model(const Options& options, GlowModel model) {
+  const std::vector<double> theta = radians(options.theta_deg);
+  std::vector<double> total(theta.size()), unused(theta.size());
+  scattering::glow_profile(model, options.thickness, options.q, options.albedo, theta, total, unused, unused);
+  std::puts("theta_deg,single,multiple,total");
+  for (std::size_t i = 0; i < theta.size(); ++i)
+    if (model == GlowModel::single)
+      std::printf("%.10g,%.9e,0,%.9e\n", options.theta_deg[i], total[i], total[i]);
+    else
+      std::printf("%.10g,,,%.9e\n", options.theta_deg[i], total[i]);
+}
+
+// Each angle's own ring, 10 % wide, and the radiance scaled from the ring's mean to its middle by the exact single
+// scattering's ratio, which carries the steepness.
+void print_monte_carlo(const Options& options) {
+  if (!(options.thickness >= 0.001 && options.thickness <= 50))
+    throw UsageError("glow: optical thickness must be within 0.001..50 for monte_carlo");
+  if (!(std::abs(options.q) <= 0.98)) throw UsageError("glow: q must be within -0.98..0.98 for monte_carlo");
+  if (!(options.albedo > 0 && options.albedo <= 1)) throw UsageError("glow: albedo must be in (0, 1]");
+  std::vector<std::pair<double, std::size_t>> rows;
+  std::printf("# %llu photons for each ring, seed %llu\n", static_cast<unsigned long long>(options.photons),
+              static_cast<unsigned long long>(options.seed));
+  std::puts("theta_deg,single,multiple,total,total_sigma");
+  for (const double theta_deg : options.theta_deg) {
+    if (!(theta_deg >= 0.01 && theta_deg <= 170))
+      throw UsageError("glow: theta must be within 0.01..170 degrees for monte_carlo");
+    scattering::GlowPhotons run{.q = options.q, .albedos = {options.albedo}, .thicknesses = {options.thickness}};
+    run.theta_edges_rad = {theta_deg * 0.95 * kDegree, theta_deg * 1.05 * kDegree};
+    run.photons = options.photons;
+    run.seed = options.seed;
+    const auto glow = scattering::simulate_glow(run, threads(options.threads));
+    std::printf("%.10g,%.9e,%.9e,%.9e,%.3e\n", theta_deg, glow.single(0, 0, 0).value,
+                glow.multiple(0, 0, 0).value, glow.total(0, 0, 0).value, glow.total(0, 0, 0).sigma);
+  }
+}
+
+void run(const Options& options) {
+  if (options.model == "monte_carlo") {
+    print_head(options);
+    print_monte_carlo(options);
+    return;
+  }
+  const GlowModel model = *scattering::parse_glow_model(options.model);
+  const std::string outside = scattering::outside_glow_model(model, options.thickness, options.q, options.albedo,
+                                                             radians(options.theta_deg));
+  if (!outside.empty()) throw UsageError("glow: " + outside + "; nothing is extrapolated");
+  print_head(options);
+  if (model == GlowModel::table)
+    print_table(options);
+  else
+    print_model(options, model);
+}
+
+}  // namespace
+
+void add_glow(CLI::App& program) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command =
+      program.add_subcommand("glow", "Print the glow of a lamp in fog, by any of the scattering models");
+  command->add_option("--q", options->q, "Henyey-Greenstein asymmetry")->required();
+  command->add_option("--thickness", options->thickness, "Optical thickness T between lamp and camera")->required();
+  command->add_option("--albedo", options->albedo, "Single scattering albedo")->capture_default_str();
+  command->add_option("--model", options->model, "Scattering model")
+      ->check(CLI::IsMember({"table", "apsf_series", "single", "diffusion", "monte_carlo"}))
+      ->capture_default_str();
+  command->add_option("--theta-deg", options->theta_deg, "Angles from the lamp, separated by commas")
+      ->delimiter(',')
+      ->required();
+  command->add_option("--photons", options->photons, "monte_carlo: photons for each angle")
+      ->check(CLI::Range(std::uint64_t{64}, std::uint64_t{1'000'000'000'000}))
+      ->capture_default_str();
+  command->add_option("--seed", options->seed, "monte_carlo: seed")->capture_default_str();
+  command->add_option("--threads", options->threads, "monte_carlo: threads; 0 for one per core")
+      ->capture_default_str();
+  command->footer(
+      "Prints CSV: radiance per unit emitted flux in optical units (times extinction squared it is W/m2/sr per W);\n"
+      "the direct beam's irradiance stands in a comment. Fields a model does not know are empty.\n"
+      "Example:\n  lampglow glow --q 0.85 --thickness 2 --theta-deg 0.2,1,5,20");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace lampglow::daemon

@@ -1,0 +1,62 @@
+#include "estimator/scattering/apsf_series.h"
+
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+
+namespace lampglow::scattering {
+namespace {
+
+constexpr int kMaxTerms = 1'000'000;
+
+void check(double thickness, double q) {
+  if (!(thickness > 1))
+    throw std::domain_error(
+        "APSF series: optical thickness = " + std::to_string(thickness) +
+        ", must be above 1: its terms go as T^-(m+1) and the series does not converge otherwise");
+  if (!(q >= 0 && q < 1))
+    throw std::domain_error("APSF series: q = " + std::to_string(q) + ", must be in 0..1");
+}
+
+// g_m for I0 = 1/4π with its derivatives. q^0 = 1 also for q = 0.
+GlowRadiance term(int m, double thickness, double q) {
+  if (m == 0) return {};
+  const double order = m, alpha = order + 1;
+  const double beta = (2 * order + 1) / order * (1 - std::pow(q, order - 1));
+  const double beta_q = m == 1 ? 0 : -(2 * order + 1) / order * (order - 1) * std::pow(q, order - 2);
+  const double value = std::exp(-beta * thickness - alpha * std::log(thickness)) / (4 * std::numbers::pi);
+  return {value, value * (-beta * thickness - alpha), -value * thickness * beta_q};
+}
+
+}  // namespace
+
+int apsf_series_terms(double thickness, double q, double relative_error) {
+  check(thickness, q);
+  // |L_m| <= 1 and g_(m+1) <= g_m / T (β rises with m), so what is left after m is at most 2 g_m T/(T-1).
+  const double whole = term(1, thickness, q).value;
+  for (int m = 1; m < kMaxTerms; ++m)
+    if (2 * term(m, thickness, q).value * thickness / (thickness - 1) < relative_error * whole) return m + 1;
+  throw std::domain_error("APSF series: optical thickness = " + std::to_string(thickness) +
+                          " is so near 1 that a million terms do not give the relative error asked for");
+}
+
+GlowRadiance apsf_series(double thickness, double q, double theta_rad, double relative_error) {
+  const int terms = apsf_series_terms(thickness, q, relative_error);
+  const double mu = std::cos(theta_rad);
+  GlowRadiance sum, here = term(0, thickness, q);
+  double polynomial = 1, before = 0;
+  for (int m = 0; m < terms; ++m) {
+    const GlowRadiance next = term(m + 1, thickness, q);
+    sum.value += (here.value + next.value) * polynomial;
+    sum.d_ln_thickness += (here.d_ln_thickness + next.d_ln_thickness) * polynomial;
+    sum.d_q += (here.d_q + next.d_q) * polynomial;
+    const double above = ((2 * m + 1) * mu * polynomial - m * before) / (m + 1);
+    before = polynomial;
+    polynomial = above;
+    here = next;
+  }
+  return sum;
+}
+
+}  // namespace lampglow::scattering
