@@ -6,6 +6,8 @@ void add_commands(CLI::App& program) {
   add_replay(program);
   add_check_config(program);
   add_simulate(program);
+  add_glow(program);
+  add_glow_table(program);
   add_version(program);
   add_man(program);
 }

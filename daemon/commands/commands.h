@@ -9,6 +9,8 @@ class App;
 namespace lampglow::daemon {
 
 void add_check_config(CLI::App& program);
+void add_glow(CLI::App& program);
+void add_glow_table(CLI::App& program);
 void add_man(CLI::App& program);
 void add_replay(CLI::App& program);
 void add_simulate(CLI::App& program);

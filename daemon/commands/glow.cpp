@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
@@ -35,8 +36,8 @@ std::vector<double> radians(const std::vector<double>& degrees) {
 }
 
 void print_head(const Options& options) {
-  std::printf("# model %s, q %.17g, optical thickness %.17g, albedo %.17g\n", options.model.c_str(), options.q,
-              options.thickness, options.albedo);
+  std::printf("# model %s, q %.17g, optical thickness %.17g, albedo %.17g\n", options.model.c_str(),
+              options.q, options.thickness, options.albedo);
   std::puts("# radiance per unit emitted flux in optical units: times extinction^2 it is W/m2/sr per W");
   std::printf("# direct_irradiance %.9e (exp(-T)/(4 pi T^2), times extinction^2 it is W/m2 per W)\n",
               scattering::direct_irradiance(options.thickness));
@@ -45,7 +46,8 @@ void print_head(const Options& options) {
 void print_table(const Options& options) {
   const std::vector<double> theta = radians(options.theta_deg);
   std::vector<double> single(theta.size()), multiple(theta.size());
-  scattering::default_glow_table().parts(options.thickness, options.q, options.albedo, theta, single, multiple);
+  scattering::default_glow_table().parts(options.thickness, options.q, options.albedo, theta, single,
+                                         multiple);
   std::puts("theta_deg,single,multiple,total");
   for (std::size_t i = 0; i < theta.size(); ++i) {
     // The table's single scattering is within 1e-4 of this; here there is time for the integral itself.
@@ -68,39 +70,53 @@ void print_model(const Options& options, GlowModel model) {
       std::printf("%.10g,,,%.9e\n", options.theta_deg[i], total[i]);
 }
 
-// Each angle's own ring, 10 % wide, and the radiance scaled from the ring's mean to its middle by the exact single
-// scattering's ratio, which carries the steepness.
-void print_monte_carlo(const Options& options) {
+void check_monte_carlo(const Options& options) {
+  const auto refuse = [](const char* what, double value, const char* range) {
+    throw UsageError(fmt::format("glow: {} = {} is outside monte_carlo's {}", what, value, range));
+  };
   if (!(options.thickness >= 0.001 && options.thickness <= 50))
-    throw UsageError("glow: optical thickness must be within 0.001..50 for monte_carlo");
-  if (!(std::abs(options.q) <= 0.98)) throw UsageError("glow: q must be within -0.98..0.98 for monte_carlo");
-  if (!(options.albedo > 0 && options.albedo <= 1)) throw UsageError("glow: albedo must be in (0, 1]");
-  std::vector<std::pair<double, std::size_t>> rows;
-  std::printf("# %llu photons for each ring, seed %llu\n", static_cast<unsigned long long>(options.photons),
-              static_cast<unsigned long long>(options.seed));
-  std::puts("theta_deg,single,multiple,total,total_sigma");
+    refuse("optical thickness", options.thickness, "0.001..50");
+  if (!(std::abs(options.q) <= 0.98)) refuse("q", options.q, "-0.98..0.98");
+  if (!(options.albedo > 0 && options.albedo <= 1)) refuse("albedo", options.albedo, "above 0 to 1");
+  for (const double theta : options.theta_deg)
+    if (!(theta >= 0.01 && theta <= 170)) refuse("theta [deg]", theta, "0.01..170");
+}
+
+// One run for every angle: a ring of its own, 6 % wide.
+void print_monte_carlo(const Options& options) {
+  std::vector<std::string> errors;
+  std::puts("theta_deg,single,multiple,total");
   for (const double theta_deg : options.theta_deg) {
-    if (!(theta_deg >= 0.01 && theta_deg <= 170))
-      throw UsageError("glow: theta must be within 0.01..170 degrees for monte_carlo");
-    scattering::GlowPhotons run{.q = options.q, .albedos = {options.albedo}, .thicknesses = {options.thickness}};
-    run.theta_edges_rad = {theta_deg * 0.95 * kDegree, theta_deg * 1.05 * kDegree};
+    scattering::GlowPhotons run;
+    run.q = options.q;
+    run.albedos = {options.albedo};
+    run.thicknesses = {options.thickness};
+    run.theta_edges_rad = {theta_deg * 0.97 * kDegree, theta_deg * 1.03 * kDegree};
     run.photons = options.photons;
     run.seed = options.seed;
     const auto glow = scattering::simulate_glow(run, threads(options.threads));
-    std::printf("%.10g,%.9e,%.9e,%.9e,%.3e\n", theta_deg, glow.single(0, 0, 0).value,
-                glow.multiple(0, 0, 0).value, glow.total(0, 0, 0).value, glow.total(0, 0, 0).sigma);
+    std::printf("%.10g,%.9e,%.9e,%.9e\n", theta_deg, glow.single(0, 0, 0).value, glow.multiple(0, 0, 0).value,
+                glow.total(0, 0, 0).value);
+    errors.push_back(fmt::format(
+        "# theta_deg {}: standard deviation of single {:.2e}, multiple {:.2e}, total {:.2e}", theta_deg,
+        glow.single(0, 0, 0).sigma, glow.multiple(0, 0, 0).sigma, glow.total(0, 0, 0).sigma));
   }
+  for (const std::string& line : errors) std::puts(line.c_str());
+  std::printf("# %llu photons for each angle, seed %llu; each value is the mean over a ring of +-3 %%\n",
+              static_cast<unsigned long long>(options.photons),
+              static_cast<unsigned long long>(options.seed));
 }
 
 void run(const Options& options) {
   if (options.model == "monte_carlo") {
+    check_monte_carlo(options);
     print_head(options);
     print_monte_carlo(options);
     return;
   }
   const GlowModel model = *scattering::parse_glow_model(options.model);
-  const std::string outside = scattering::outside_glow_model(model, options.thickness, options.q, options.albedo,
-                                                             radians(options.theta_deg));
+  const std::string outside = scattering::outside_glow_model(model, options.thickness, options.q,
+                                                             options.albedo, radians(options.theta_deg));
   if (!outside.empty()) throw UsageError("glow: " + outside + "; nothing is extrapolated");
   print_head(options);
   if (model == GlowModel::table)
@@ -116,7 +132,8 @@ void add_glow(CLI::App& program) {
   CLI::App* command =
       program.add_subcommand("glow", "Print the glow of a lamp in fog, by any of the scattering models");
   command->add_option("--q", options->q, "Henyey-Greenstein asymmetry")->required();
-  command->add_option("--thickness", options->thickness, "Optical thickness T between lamp and camera")->required();
+  command->add_option("--thickness", options->thickness, "Optical thickness T between lamp and camera")
+      ->required();
   command->add_option("--albedo", options->albedo, "Single scattering albedo")->capture_default_str();
   command->add_option("--model", options->model, "Scattering model")
       ->check(CLI::IsMember({"table", "apsf_series", "single", "diffusion", "monte_carlo"}))
@@ -131,7 +148,8 @@ void add_glow(CLI::App& program) {
   command->add_option("--threads", options->threads, "monte_carlo: threads; 0 for one per core")
       ->capture_default_str();
   command->footer(
-      "Prints CSV: radiance per unit emitted flux in optical units (times extinction squared it is W/m2/sr per W);\n"
+      "Prints CSV: radiance per unit emitted flux in optical units (times extinction squared it is W/m2/sr "
+      "per W);\n"
       "the direct beam's irradiance stands in a comment. Fields a model does not know are empty.\n"
       "Example:\n  lampglow glow --q 0.85 --thickness 2 --theta-deg 0.2,1,5,20");
   command->callback([options] { run(*options); });

@@ -20,9 +20,7 @@ struct Options {
 
 void run(const Options& options) {
   std::atomic<std::size_t> done{0};
-  const auto progress = [&done](std::size_t total) {
-    std::fprintf(stderr, "\rq %zu of %zu", ++done, total);
-  };
+  const auto progress = [&done](std::size_t total) { std::fprintf(stderr, "\rq %zu of %zu", ++done, total); };
   const auto file = scattering::build_glow_table(options.grid, threads(options.threads), progress);
   std::fputc('\n', stderr);
   std::ofstream stream(options.out, std::ios::binary);

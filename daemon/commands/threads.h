@@ -5,7 +5,8 @@
 
 namespace lampglow::daemon {
 
-// Runs tasks on this many threads (0: one per core). The first exception of a task is thrown when all have ended.
+// Runs tasks on this many threads (0: one per core). The first exception of a task is thrown when all have
+// ended.
 scattering::Executor threads(unsigned count);
 
 }  // namespace lampglow::daemon

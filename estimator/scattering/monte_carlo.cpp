@@ -101,7 +101,9 @@ class BlockRun {
         bins_(run.theta_edges_rad.size() - 1),
         q_(static_cast<float>(run.q)),
         transport_length_(1.0f / (1.0f - q_)),
-        far_radius_(radii_.back() + static_cast<float>(run.far_margin) * transport_length_) {
+        far_radius_(run.black_radius
+                        ? static_cast<float>(*run.black_radius)
+                        : radii_.back() + static_cast<float>(run.far_margin) * transport_length_) {
     const std::size_t size = run.albedos.size() * radii_.size() * bins_;
     tally_.single.assign(size, 0);
     tally_.multiple.assign(size, 0);
@@ -198,6 +200,7 @@ class BlockRun {
   // 1957, Neutron Transport Theory, ch. 14, between 0.7104 and 4/3; the slope 0.25 is ours, chosen so that
   // the result does not depend on where far begins).
   bool return_from_far(Photon& photon) {
+    if (run_.black_radius) return false;
     const float start = photon.radius + photon.cosine * q_ * transport_length_;
     const float milne = (0.7104f + 0.25f * transport_length_ / far_radius_) * transport_length_;
     const float hit = far_radius_ * far_radius_ / (far_radius_ + milne);
@@ -249,6 +252,8 @@ void check(const GlowPhotons& run) {
     refuse("theta_edges_rad must be two or more ascending angles within 0..π");
   if (run.photons == 0) refuse("photons must be positive");
   if (!(run.far_margin >= 1)) refuse("far_margin must be at least 1");
+  if (run.black_radius && !(*run.black_radius > run.thicknesses.back()))
+    refuse("black_radius must be larger than the largest thickness");
 }
 
 // Mean and its standard deviation from the blocks' sums.

@@ -16,6 +16,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "estimator/scattering/executor.h"
@@ -33,6 +34,9 @@ struct GlowPhotons {
   // followed but return by the law of diffusion (first passage to that radius, with its time). Its bias was
   // measured, see the test FarFieldDoesNotMatter.
   double far_margin = 2;
+  // Set, photons beyond this radius are lost instead: a finite ball of fog, as in a path tracer's scene. It
+  // must lie outside the largest sphere.
+  std::optional<double> black_radius;
 };
 
 // Photons go in this many blocks, each with a random stream of its own; the spread between blocks gives the
