@@ -8,6 +8,7 @@ void add_commands(CLI::App& program) {
   add_simulate(program);
   add_glow(program);
   add_glow_table(program);
+  add_survey(program);
   add_version(program);
   add_man(program);
 }

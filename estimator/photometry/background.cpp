@@ -60,8 +60,9 @@ Cell measure_cell(const RadianceImage& image, int left, int top, int mesh_px) {
   return cell;
 }
 
-// 3x3 median for the cells that need it: a cell filled by a lamp's glare is both brighter and more uneven than its
-// neighbours, and takes their level. All others stay, so that slopes of the sky keep their shape up to the edge.
+// 3x3 median for the cells that need it: a cell filled by a lamp's glare is both brighter and more uneven
+// than its neighbours, and takes their level. All others stay, so that slopes of the sky keep their shape up
+// to the edge.
 std::vector<Cell> median_filter(const std::vector<Cell>& cells, int across, int down) {
   std::vector<Cell> filtered(cells.size());
   for (int j = 0; j < down; ++j) {

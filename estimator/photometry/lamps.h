@@ -81,6 +81,6 @@ struct Survey {
 
 // Frames are first brought over each other by their brightest common lights (shift alone). With one frame all
 // lights are lamps.
-Survey survey_lights(std::span<const std::vector<DetectedLight>> frames, int width_px, int height_px);
+Survey survey_lights(std::span<const std::vector<DetectedLight>> frames);
 
 }  // namespace lampglow::photometry

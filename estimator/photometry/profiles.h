@@ -72,8 +72,8 @@ struct RingMean {
   double saturated_fraction = 0;
 };
 
-// Linear radiance of a frame as its parts: values, variances and mask bits. The frame's lamps lie at the reference's
-// positions turned by rotation_rad about the picture's middle, then shifted.
+// Linear radiance of a frame as its parts: values, variances and mask bits. The frame's lamps lie at the
+// reference's positions turned by rotation_rad about the picture's middle, then shifted.
 struct FrameView {
   const Image<float>& radiance;
   const Image<float>& variance;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "estimator/photometry/overlay.h"
 #include "estimator/photometry/response.h"
 
 namespace lampglow::photometry {
@@ -310,6 +311,13 @@ void divide_vignetting(const Image<float>& map, RadianceImage& image) {
   }
 }
 
+void mark_overlay(const OverlayRows& rows, Image<std::uint8_t>& mask) {
+  for (int row = 0; row < mask.height_px; ++row) {
+    if (row >= rows.top && row < mask.height_px - rows.bottom) continue;
+    for (int column = 0; column < mask.width_px; ++column) mask.at(column, row) |= kInvalid;
+  }
+}
+
 void mark_hot_pixels(const RadianceOptions& options, RadianceImage& image) {
   const auto mark = [&image](const std::vector<PixelIndex>& hot) {
     for (const PixelIndex& pixel : hot)
@@ -354,9 +362,12 @@ RadianceImage to_radiance(const Bracket& bracket, const Camera& camera, const Ra
   image.variance = Image<float>(camera.width_px, camera.height_px);
   image.mask = Image<std::uint8_t>(camera.width_px, camera.height_px);
 
+  const OverlayRows overlay =
+      options.find_overlay ? find_overlay(layers.front().exposure->pixels, camera) : OverlayRows{};
   Merger merger(std::move(layers), camera, options, linear);
   image.saturation_radiance = merger.saturation_radiance();
   for (int row = 0; row < camera.height_px; ++row) merger.merge_row(row, image);
+  mark_overlay(overlay, image.mask);
   mark_hot_pixels(options, image);
   if (!options.vignetting.empty()) divide_vignetting(options.vignetting, image);
   for (size_t i = 0; i < image.mask.pixels.size(); ++i)

@@ -31,6 +31,8 @@ struct RadianceOptions {
   std::vector<PixelIndex> hot_pixels{};
   // Also look for hot pixels in this frame alone.
   bool find_hot_pixels = true;
+  // Mask black text bands at the top and bottom edge (see overlay.h).
+  bool find_overlay = true;
   // Relative transmission of the lens, 0..1, of the picture's size; empty: even. 0 marks a pixel invalid.
   Image<float> vignetting{};
 };
