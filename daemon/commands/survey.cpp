@@ -83,16 +83,28 @@ std::string describe(const photometry::SurveyedLight& lamp, int frames) {
   return text + "\n";
 }
 
+std::string left_out(const photometry::Survey& survey) {
+  constexpr std::size_t kTold = 10;
+  std::string text;
+  if (survey.moving.size() > kTold)
+    text += fmt::format("# left out: {} lights that are not in most frames; the brightest:\n",
+                        survey.moving.size());
+  for (std::size_t i = 0; i < std::min(kTold, survey.moving.size()); ++i) {
+    const auto& moving = survey.moving[i];
+    text += fmt::format("# left out, in {} of {} frames: a light at {:.1f}, {:.1f}\n", moving.frames_seen,
+                        survey.frames, moving.light.x_px, moving.light.y_px);
+  }
+  for (const auto& hot : survey.hot_pixels)
+    text +=
+        fmt::format("# left out, stays on its pixel when the camera moves: {}, {}\n", hot.column, hot.row);
+  return text;
+}
+
 std::string snippet(const photometry::Survey& survey, const std::vector<photometry::SurveyedLight>& lamps) {
   std::string text =
       fmt::format("# lampglow survey: {} lamps in {} frame{}; add distance_m where it is known\n",
                   lamps.size(), survey.frames, survey.frames == 1 ? "" : "s");
-  for (const auto& moving : survey.moving)
-    text += fmt::format("# left out, in {} of {} frames: a light at {:.1f}, {:.1f}\n", moving.frames_seen,
-                        survey.frames, moving.light.x_px, moving.light.y_px);
-  for (const auto& hot : survey.hot_pixels)
-    text +=
-        fmt::format("# left out, stays on its pixel when the camera moves: {}, {}\n", hot.column, hot.row);
+  text += left_out(survey);
   for (std::size_t i = 0; i < lamps.size(); ++i) {
     Light light;
     light.id = fmt::format("L{}", i + 1);

@@ -65,6 +65,19 @@ cv::Mat matched_filter(const RadianceImage& image, const DetectionOptions& optio
   return smooth;
 }
 
+// Compression and structure make noise that is not white, and the matched filter's output is then rougher
+// than 1: divides by the scatter that it really has, cell by cell, where that is more.
+void normalise(cv::Mat& height, int cell_px) {
+  RadianceImage image;
+  image.radiance = Image<float>(height.cols, height.rows);
+  image.variance = Image<float>(height.cols, height.rows);
+  image.mask = Image<std::uint8_t>(height.cols, height.rows);
+  height.copyTo(view(image.radiance));
+  Image<float> scatter = background_mesh(image, cell_px).sigma;
+  cv::Mat divisor = cv::max(view(scatter), 1.0F);
+  height /= divisor;
+}
+
 struct Peak {
   int column, row;
   float height;
@@ -162,7 +175,8 @@ std::vector<DetectedLight> detect_lights(const RadianceImage& image, const Detec
   // A pixel of 2x2 has the lamp's own spread and its own: σ² / 4 + 1/12 of the large pixel.
   const double psf =
       std::max(0.7, std::sqrt(options.psf_sigma_px * options.psf_sigma_px / (binning * binning)));
-  const cv::Mat height = matched_filter(binning > 1 ? binned(image, binning) : image, options, psf);
+  cv::Mat height = matched_filter(binning > 1 ? binned(image, binning) : image, options, psf);
+  normalise(height, std::max(8, options.mesh_px / binning));
   std::vector<Peak> peaks = find_peaks(height, options);
   std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) { return a.height > b.height; });
 
@@ -172,6 +186,8 @@ std::vector<DetectedLight> detect_lights(const RadianceImage& image, const Detec
     DetectedLight light =
         measure_light(image, (peak.column + 0.5) * binning, (peak.row + 0.5) * binning, centroid);
     if (light.snr < 0.5 * options.threshold_sigma || light.position_sigma_px > 1) continue;
+    const bool compact = light.fwhm_px <= options.max_fwhm_px && light.elongation <= options.max_elongation;
+    if (!compact && light.saturated_pixels == 0) continue;
     const bool known = std::any_of(lights.begin(), lights.end(), [&](const DetectedLight& other) {
       return std::hypot(other.x_px - light.x_px, other.y_px - light.y_px) < 1.5;
     });

@@ -33,6 +33,8 @@ struct DetectionOptions {
   double prominence_part =
       0.15;         // a second peak in a patch is a light if it rises above the saddle by this part of itself
   int binning = 1;  // 2: search the picture binned 2x2 (faster), measure on the full one
+  double max_fwhm_px = 8;        // wider, unsaturated patches are lit walls, trees or sky
+  double max_elongation = 2.5;   // longer ones are edges and poles
   double relative_error = 0.02;  // what the mesh's own structure may be off by, as part of the background
 };
 

@@ -14,6 +14,7 @@ struct Plane {
   double level = 0, slope_x = 0, slope_y = 0;
   double x0 = 0, y0 = 0;
   double level_variance = 0;
+  double scatter_variance = 0;  // of the ring's pixels about the plane: noise, and what structure there is
   bool known = false;
   double at(double x, double y) const { return level + slope_x * (x - x0) + slope_y * (y - y0); }
 };
@@ -82,6 +83,7 @@ Plane ring_background(const RadianceImage& image, double x, double y, double inn
     if (samples.size() == before) break;
   }
   plane.known = true;
+  plane.scatter_variance = rms * rms;
   plane.level_variance = rms * rms / static_cast<double>(std::max<size_t>(samples.size(), 1));
   return plane;
 }
@@ -91,7 +93,7 @@ struct Moments {
   double weight_sum = 0;            // Σ w I
   double first_x = 0, first_y = 0;  // Σ w I d
   double xx = 0, xy = 0, yy = 0;    // Σ w I d d
-  double noise = 0;                 // Σ w² var
+  double noise = 0;                 // Σ w² max(var, scatter of the ring)
   double noise_x = 0, noise_y = 0;  // Σ w² d² var
   double norm = 0;                  // Σ w²
 };
@@ -106,11 +108,11 @@ Moments window_moments(const RadianceImage& image, const Plane& plane, double x,
       const double dx = column + 0.5 - x, dy = row + 0.5 - y;
       const double w = std::exp(scale * (dx * dx + dy * dy));
       const double value = w * (image.radiance.at(column, row) - plane.at(column + 0.5, row + 0.5));
-      const double variance = w * w * finite_variance(image, column, row);
+      const double variance = w * w * std::max(finite_variance(image, column, row), 1e-30);
       m.weight_sum += value;
       m.first_x += value * dx, m.first_y += value * dy;
       m.xx += value * dx * dx, m.xy += value * dx * dy, m.yy += value * dy * dy;
-      m.noise += variance;
+      m.noise += std::max(variance, w * w * plane.scatter_variance);
       m.noise_x += variance * dx * dx, m.noise_y += variance * dy * dy;
       m.norm += w * w;
     }
@@ -130,16 +132,16 @@ double saturated_radius_px(const RadianceImage& image, double x, double y, int& 
 }
 
 // Walks the window to the light. False where there is nothing to hold on to.
-bool walk(const RadianceImage& image, const Plane& plane, double sigma_px, const CentroidOptions& options,
-          double start_x, double start_y, double& x, double& y) {
-  for (int i = 0; i < options.iterations; ++i) {
+bool walk(const RadianceImage& image, const Plane& plane, double sigma_px, double search_px, int iterations,
+          std::array<double, 2> start, double& x, double& y) {
+  for (int i = 0; i < iterations; ++i) {
     const Moments m = window_moments(image, plane, x, y, sigma_px);
     if (!(m.weight_sum > 0)) return false;
     // Between 1 (light much narrower than the window) and 2 (as wide as the window).
     const double step_x = 1.5 * m.first_x / m.weight_sum, step_y = 1.5 * m.first_y / m.weight_sum;
     x += std::clamp(step_x, -1.0, 1.0);
     y += std::clamp(step_y, -1.0, 1.0);
-    if (std::hypot(x - start_x, y - start_y) > options.search_px) return false;
+    if (std::hypot(x - start[0], y - start[1]) > search_px) return false;
     if (std::hypot(step_x, step_y) < 1e-3) break;
   }
   return true;
@@ -202,11 +204,15 @@ DetectedLight measure_light(const RadianceImage& image, double x_px, double y_px
   light.x_px = x_px, light.y_px = y_px;
   light.position_sigma_px = 1e3;
   int saturated = 0;
-  double window = std::max(options.window_sigma_px, 0.9 * saturated_radius_px(image, x_px, y_px, saturated));
+  // A saturated core is a plateau: its middle may be as far from the start as it is wide.
+  const double saturated_px = saturated_radius_px(image, x_px, y_px, saturated);
+  double window = std::max(options.window_sigma_px, 0.9 * saturated_px);
+  const double search_px = options.search_px + 1.5 * saturated_px;
   double x = x_px, y = y_px;
   for (int pass = 0; pass < 2; ++pass) {
     const Plane plane = ring_background(image, x, y, 3 * window + 1, 3 * window + 4);
-    if (!plane.known || !walk(image, plane, window, options, x_px, y_px, x, y)) return light;
+    if (!plane.known || !walk(image, plane, window, search_px, options.iterations, {x_px, y_px}, x, y))
+      return light;
     const Moments m = window_moments(image, plane, x, y, window);
     if (!(m.weight_sum > 0)) return light;
     light.x_px = x, light.y_px = y;

@@ -60,7 +60,8 @@ std::vector<Group> group_lights(std::span<const std::vector<DetectedLight>> fram
     for (DetectedLight light : frames[f]) {
       light.x_px -= shifts[f].x, light.y_px -= shifts[f].y;
       std::optional<size_t> nearest;
-      double way = tolerance_px;
+      // A wide saturated core has no sharp middle, and its outline changes from frame to frame.
+      double way = std::max(tolerance_px, light.saturated_pixels > 0 ? 0.5 * light.fwhm_px : 0.0);
       for (size_t g = 0; g < taken.size(); ++g) {
         const double distance = std::hypot(groups[g].x_px - light.x_px, groups[g].y_px - light.y_px);
         if (!taken[g] && distance < way) way = distance, nearest = g;
