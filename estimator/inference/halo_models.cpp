@@ -1,45 +1,41 @@
 #include "estimator/inference/halo_models.h"
 
-#include <cmath>
-#include <numbers>
+#include "estimator/scattering/glow_model.h"
 
 namespace lampglow::inference {
 namespace {
 
 constexpr std::string_view kNames[] = {"table", "apsf_series", "single", "diffusion"};
+constexpr double kFogAlbedo = 1.0;  // droplets do not absorb visible light
 
-double single(double t, double q, double theta) {
-  constexpr int kSteps = 48;
-  const double pi = std::numbers::pi;
-  double sum = 0;
-  // α = π − (π−θ)(1−u²): dense near θ
-  for (int i = 0; i < kSteps; ++i) {
-    const double u = (i + 0.5) / kSteps;
-    const double alpha = theta + (pi - theta) * u * u;
-    const double jac = (pi - theta) * 2 * u / kSteps;
-    const double d = t * std::sin(theta) / std::sin(alpha);
-    const double s = t * std::sin(alpha - theta) / std::sin(alpha);
-    const double phase = (1 - q * q) / std::pow(1 + q * q - 2 * q * std::cos(alpha), 1.5) / (4 * pi);
-    sum += jac * phase * std::exp(-(s + d));
-  }
-  return sum / (4 * pi) / (t * std::sin(theta));
-}
-
-class Single final : public HaloModel {
- public:
-  void profile(double t, double q, std::span<const double> theta, std::span<double> value,
-               std::span<double> dt, std::span<double> dq) const override {
-    for (size_t n = 0; n < theta.size(); ++n) {
-      value[n] = single(t, q, theta[n]);
-      dt[n] = (single(t * 1.001, q, theta[n]) - single(t * 0.999, q, theta[n])) /
-              (std::log(1.001) - std::log(0.999));
-      dq[n] = (single(t, q + 1e-4, theta[n]) - single(t, q - 1e-4, theta[n])) / 2e-4;
-    }
-  }
-  double min_thickness() const override { return 0.001; }
-  double max_thickness() const override { return 15; }
-  double max_q() const override { return 0.96; }
+struct Domain {
+  double min_thickness, max_thickness, max_q;
 };
+
+// Within what glow_model.h says of each model, and where the fit has any use for it.
+constexpr Domain kDomains[] = {{0.01, 15, 0.965}, {1.01, 15, 0.98}, {0.001, 15, 0.965}, {0.001, 15, 0.965}};
+
+class Scattering final : public HaloModel {
+ public:
+  explicit Scattering(HaloKind kind)
+      : model_(static_cast<scattering::GlowModel>(kind)), domain_(kDomains[static_cast<size_t>(kind)]) {}
+  void profile(double thickness, double q, std::span<const double> theta_rad, std::span<double> value,
+               std::span<double> d_ln_thickness, std::span<double> d_q) const override {
+    scattering::glow_profile(model_, thickness, q, kFogAlbedo, theta_rad, value, d_ln_thickness, d_q);
+  }
+  double min_thickness() const override { return domain_.min_thickness; }
+  double max_thickness() const override { return domain_.max_thickness; }
+  double max_q() const override { return domain_.max_q; }
+
+ private:
+  scattering::GlowModel model_;
+  Domain domain_;
+};
+
+static_assert(static_cast<int>(scattering::GlowModel::table) == static_cast<int>(HaloKind::table));
+static_assert(static_cast<int>(scattering::GlowModel::apsf_series) == static_cast<int>(HaloKind::apsf_series));
+static_assert(static_cast<int>(scattering::GlowModel::single) == static_cast<int>(HaloKind::single));
+static_assert(static_cast<int>(scattering::GlowModel::diffusion) == static_cast<int>(HaloKind::diffusion));
 
 }  // namespace
 
@@ -53,8 +49,12 @@ std::optional<HaloKind> parse_halo_kind(std::string_view text) {
   return std::nullopt;
 }
 
-std::shared_ptr<const HaloModel> halo_model(HaloKind) {
-  return std::make_shared<const Single>();
+std::shared_ptr<const HaloModel> halo_model(HaloKind kind) {
+  static const std::shared_ptr<const HaloModel> kModels[] = {
+      std::make_shared<const Scattering>(HaloKind::table), std::make_shared<const Scattering>(HaloKind::apsf_series),
+      std::make_shared<const Scattering>(HaloKind::single),
+      std::make_shared<const Scattering>(HaloKind::diffusion)};
+  return kModels[static_cast<size_t>(kind)];
 }
 
 }  // namespace lampglow::inference

@@ -9,7 +9,8 @@ namespace lampglow::inference {
 namespace {
 
 constexpr std::uint8_t kForeign = 64;  // our own mask bit, beside photometry's
-constexpr double kUsualFocalLength_px = 1200;
+constexpr double kUsualFocalLength_px = 1044;
+constexpr double kCoreRadiusPerWidth = 1.9;  // core radius over the lens' full width at half maximum
 
 double median_of(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -49,6 +50,17 @@ std::vector<photometry::CatalogueLamp> with_strays(std::span<const photometry::C
     all.push_back(lamp);
   }
   return all;
+}
+
+// Median width of the unsaturated lamps' own cores.
+double usual_width_px(const ClearFrame& frame) {
+  std::vector<double> widths;
+  for (const auto& lamp : frame.registered.lamps) {
+    if (lamp.state != LampState::seen) continue;
+    const auto light = photometry::measure_light(frame.image, lamp.x_px, lamp.y_px);
+    if (light.saturated_pixels == 0 && light.fwhm_px > 0) widths.push_back(light.fwhm_px);
+  }
+  return std::min(median_of(std::move(widths)), 8.0);
 }
 
 const Light* light_of(const Site& site, const std::string& id) {
@@ -153,11 +165,13 @@ RingData ring_data(const photometry::RadianceImage& image, const photometry::Reg
     if (found) skies.push_back(sky);
     for (size_t k = 0; k < per_lamp; ++k) {
       const auto& ring = means[first + k];
+      const bool steep = k > 0 && map.edges_rad[k] < 1.5 * map.edges_rad[1];
+      const double of_light = steep ? errors.steep : errors.of_light;
       data.value.push_back(ring.mean);
       data.used.push_back(ring.pixels > 0 && std::isfinite(ring.variance));
       data.sigma.push_back(std::sqrt(std::max(ring.variance, 0.0)) + 0.0);
       data.sigma.back() =
-          std::sqrt(data.sigma.back() * data.sigma.back() + std::pow(errors.of_light * (ring.mean - sky), 2) +
+          std::sqrt(data.sigma.back() * data.sigma.back() + std::pow(of_light * (ring.mean - sky), 2) +
                     std::pow(errors.of_sky * ring.mean, 2) + 1e-24);
     }
   }
@@ -176,7 +190,8 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   if (!any_seen) return std::nullopt;
   ReferenceOptions options = given;
   const photometry::AngularScale scale(site.camera);
-  options.rings.core_radius_px *= std::max(1.0, scale.focal_length_px / kUsualFocalLength_px);
+  options.rings.core_radius_px = std::max(options.rings.core_radius_px * scale.focal_length_px / kUsualFocalLength_px,
+                                          kCoreRadiusPerWidth * usual_width_px(frames.front()));
 
   ClearReference reference;
   reference.catalogue = with_strays(catalogue, frames.front(), options);

@@ -87,8 +87,12 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
       rings_(map.rings.size()),
       node_theta_(log_nodes(kFirstNodeRad, kLastNodeRad, kNodes)) {
   const photometry::AngularScale scale(camera);
-  for (const SceneLamp& lamp : lamps_)
+  for (const SceneLamp& lamp : lamps_) {
     solid_angle_.push_back(scale.pixel_solid_angle_sr(lamp.x_px, lamp.y_px));
+    to_lamp_.push_back(scale.direction(lamp.x_px, lamp.y_px));
+  }
+  axis_pixel_sr_ = 1.0 / (scale.focal_length_px * scale.focal_length_px);
+  core_area_px_ = std::numbers::pi * map.edges_rad[1] * map.edges_rad[1] / axis_pixel_sr_;
   for (const auto& ring : map.rings) {
     owner_.push_back(ring.lamp);
     ring_x_.push_back(2.0 * ring.mean_x_px / camera.width_px - 1.0);
@@ -96,17 +100,15 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
   }
   for (const double theta : node_theta_)
     emission_shape_.push_back(std::clamp(std::log(theta / kDegree) / std::log(4.0), 0.0, 1.5));
-  make_weights(camera, map);
+  make_weights(map);
   make_convolution();
-  make_direct(camera, map);
+  make_direct(map);
 }
 
-void Scene::make_weights(const Camera& camera, const photometry::RingMap& map) {
-  const photometry::AngularScale scale(camera);
+void Scene::make_weights(const photometry::RingMap& map) {
   std::vector<double> row(kNodes);
   for (const auto& ring : map.rings)
-    for (const SceneLamp& lamp : lamps_) {
-      const auto to_lamp = scale.direction(lamp.x_px, lamp.y_px);
+    for (const auto& to_lamp : to_lamp_) {
       std::fill(row.begin(), row.end(), 0.0);
       const double weight = ring.samples.empty() ? 0 : 1.0 / static_cast<double>(ring.samples.size());
       for (const auto& sample : ring.samples)
@@ -126,7 +128,6 @@ void Scene::make_weights(const Camera& camera, const photometry::RingMap& map) {
 void Scene::make_convolution() {
   constexpr int kRadii = 40, kTurns = 24;
   convolution_.assign(kNodes * kNodes, 0.0);
-  const double pixel_sr = solid_angle_.empty() ? 1.0 : solid_angle_[0];
   const double last = spread_.theta_rad.back();
   const double ratio = std::pow(last / spread_.core_theta_rad, 1.0 / kRadii);
   std::vector<double> row(kNodes);
@@ -137,7 +138,7 @@ void Scene::make_convolution() {
       const double low = spread_.core_theta_rad * std::pow(ratio, r), high = low * ratio;
       const double radius = std::sqrt(low * high);
       const double share =
-          spread_density(spread_, radius) * std::numbers::pi * (high * high - low * low) / pixel_sr / kTurns;
+          spread_density(spread_, radius) * std::numbers::pi * (high * high - low * low) / axis_pixel_sr_ / kTurns;
       for (int t = 0; t < kTurns; ++t) {
         const double turn = 2.0 * std::numbers::pi * (t + 0.5) / kTurns;
         const double theta = std::hypot(node_theta_[m] + radius * std::cos(turn), radius * std::sin(turn));
@@ -148,22 +149,18 @@ void Scene::make_convolution() {
   }
 }
 
-void Scene::make_direct(const Camera& camera, const photometry::RingMap& map) {
-  const photometry::AngularScale scale(camera);
+void Scene::make_direct(const photometry::RingMap& map) {
   direct_.assign(rings_ * lamps_.size(), 0.0);
   for (size_t r = 0; r < rings_; ++r)
     for (size_t j = 0; j < lamps_.size(); ++j) {
       const auto& ring = map.rings[r];
       double& value = direct_[r * lamps_.size() + j];
-      const bool core = ring.lamp == static_cast<int>(j) && ring.theta_low_rad == 0;
-      if (core) {
-        const double area_px = std::numbers::pi * ring.theta_high_rad * ring.theta_high_rad / solid_angle_[j];
-        value = spread_.core_fraction / area_px;
+      if (ring.lamp == static_cast<int>(j) && ring.theta_low_rad == 0) {
+        value = spread_.core_fraction / core_area_px_;
         continue;
       }
-      const auto to_lamp = scale.direction(lamps_[j].x_px, lamps_[j].y_px);
       for (const auto& sample : ring.samples)
-        value += spread_density(spread_, photometry::angle_rad(sample, to_lamp)) /
+        value += spread_density(spread_, photometry::plane_distance(sample, to_lamp_[j])) /
                  static_cast<double>(ring.samples.size());
     }
 }

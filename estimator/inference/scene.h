@@ -101,9 +101,9 @@ class Scene {
   struct Range {
     std::uint32_t start, count, offset;
   };
-  void make_weights(const Camera& camera, const photometry::RingMap& map);
+  void make_weights(const photometry::RingMap& map);
   void make_convolution();
-  void make_direct(const Camera& camera, const photometry::RingMap& map);
+  void make_direct(const photometry::RingMap& map);
   void spread_halo(std::span<const double> in, std::span<double> out) const;
 
   std::vector<SceneLamp> lamps_;
@@ -112,7 +112,9 @@ class Scene {
   std::vector<int> owner_;
   std::vector<double> ring_x_, ring_y_;  // mean position in half picture widths from the middle
   std::vector<double> node_theta_, emission_shape_;
-  std::vector<double> solid_angle_;
+  std::vector<double> solid_angle_;  // of a pixel at each lamp
+  std::vector<photometry::Direction> to_lamp_;
+  double axis_pixel_sr_ = 0, core_area_px_ = 0;
   std::vector<Range> ranges_;  // ring-major
   std::vector<double> weights_;
   std::vector<double> convolution_;  // nodes x nodes, column-major: contributions of one source node together

@@ -115,7 +115,7 @@ class SpreadCost final : public ceres::CostFunction {
         std::fill(dense.begin(), dense.end(), 0.0);
         const auto to_lamp = scale.direction(lamp.x_px, lamp.y_px);
         for (const auto& sample : ring.samples) {
-          const double theta = std::max(photometry::angle_rad(sample, to_lamp), nodes_[0]);
+          const double theta = std::max(photometry::plane_distance(sample, to_lamp), nodes_[0]);
           const double x = std::log(theta / nodes_[0]) / step;
           const auto n = std::min(static_cast<size_t>(x), kSpreadNodes - 2);
           const double f = x - static_cast<double>(n), w = 1.0 / static_cast<double>(ring.samples.size());

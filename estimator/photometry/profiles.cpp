@@ -248,6 +248,10 @@ double angle_rad(const Direction& a, const Direction& b) {
   return 2.0 * std::asin(std::min(1.0, std::hypot(a.x - b.x, a.y - b.y, a.z - b.z) / 2.0));
 }
 
+double plane_distance(const Direction& a, const Direction& b) {
+  return std::hypot(a.x / a.z - b.x / b.z, a.y / a.z - b.y / b.z);
+}
+
 RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres, const RingOptions& options) {
   const AngularScale scale(camera);
   RingMap map;

@@ -44,6 +44,8 @@ struct AngularScale {
 };
 
 double angle_rad(const Direction& a, const Direction& b);
+// Distance in the image plane over the focal length: the angle [rad] that it would be on the axis.
+double plane_distance(const Direction& a, const Direction& b);
 
 // One ring of one lamp. Sample points stand for its pixels where a model has to be averaged over it.
 struct Ring {
