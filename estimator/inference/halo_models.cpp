@@ -33,7 +33,8 @@ class Scattering final : public HaloModel {
 };
 
 static_assert(static_cast<int>(scattering::GlowModel::table) == static_cast<int>(HaloKind::table));
-static_assert(static_cast<int>(scattering::GlowModel::apsf_series) == static_cast<int>(HaloKind::apsf_series));
+static_assert(static_cast<int>(scattering::GlowModel::apsf_series) ==
+              static_cast<int>(HaloKind::apsf_series));
 static_assert(static_cast<int>(scattering::GlowModel::single) == static_cast<int>(HaloKind::single));
 static_assert(static_cast<int>(scattering::GlowModel::diffusion) == static_cast<int>(HaloKind::diffusion));
 
@@ -51,7 +52,8 @@ std::optional<HaloKind> parse_halo_kind(std::string_view text) {
 
 std::shared_ptr<const HaloModel> halo_model(HaloKind kind) {
   static const std::shared_ptr<const HaloModel> kModels[] = {
-      std::make_shared<const Scattering>(HaloKind::table), std::make_shared<const Scattering>(HaloKind::apsf_series),
+      std::make_shared<const Scattering>(HaloKind::table),
+      std::make_shared<const Scattering>(HaloKind::apsf_series),
       std::make_shared<const Scattering>(HaloKind::single),
       std::make_shared<const Scattering>(HaloKind::diffusion)};
   return kModels[static_cast<size_t>(kind)];

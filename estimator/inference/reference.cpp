@@ -190,8 +190,9 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   if (!any_seen) return std::nullopt;
   ReferenceOptions options = given;
   const photometry::AngularScale scale(site.camera);
-  options.rings.core_radius_px = std::max(options.rings.core_radius_px * scale.focal_length_px / kUsualFocalLength_px,
-                                          kCoreRadiusPerWidth * usual_width_px(frames.front()));
+  options.rings.core_radius_px =
+      std::max(options.rings.core_radius_px * scale.focal_length_px / kUsualFocalLength_px,
+               kCoreRadiusPerWidth * usual_width_px(frames.front()));
 
   ClearReference reference;
   reference.catalogue = with_strays(catalogue, frames.front(), options);

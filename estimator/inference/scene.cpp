@@ -137,8 +137,8 @@ void Scene::make_convolution() {
     for (int r = 0; r < kRadii; ++r) {
       const double low = spread_.core_theta_rad * std::pow(ratio, r), high = low * ratio;
       const double radius = std::sqrt(low * high);
-      const double share =
-          spread_density(spread_, radius) * std::numbers::pi * (high * high - low * low) / axis_pixel_sr_ / kTurns;
+      const double share = spread_density(spread_, radius) * std::numbers::pi * (high * high - low * low) /
+                           axis_pixel_sr_ / kTurns;
       for (int t = 0; t < kTurns; ++t) {
         const double turn = 2.0 * std::numbers::pi * (t + 0.5) / kTurns;
         const double theta = std::hypot(node_theta_[m] + radius * std::cos(turn), radius * std::sin(turn));
