@@ -85,7 +85,8 @@ class FrameCost {
     pull(Layout::slope_y, 0, options_.slope_sigma, false);
     for (size_t j = 0; j < at_.lamps; ++j) {
       const SceneLamp& lamp = scene_.lamps()[j];
-      pull(at_.ln_strength(j), 0, lamp.ln_strength_sigma, true);
+      pull(at_.ln_strength(j), data_.ln_dimming.empty() ? 0 : data_.ln_dimming[j], lamp.ln_strength_sigma,
+           true);
       pull(at_.ln_halo(j), 0, lamp.ln_halo_sigma, false);
       pull(at_.ln_distance(j), 0, lamp.distance_ln_sigma, false);
       pull(at_.sky(j), 1, kSkySigma, false);
@@ -214,6 +215,7 @@ std::vector<Start> starts(const Scene& scene, const HaloModel& halo, const RingD
   for (double mor = 35; mor < 60e3; mor *= 1.7)
     for (const double ln_gain : gains) {
       std::vector<double> p(at.size(), 0.0);
+      for (size_t j = 0; j < data.ln_dimming.size(); ++j) p[at.ln_strength(j)] = data.ln_dimming[j];
       p[Layout::ln_sigma] = std::log(kMorTimesExtinction / mor);
       p[Layout::q] = std::min(prior_q(p[Layout::ln_sigma], options), halo.max_q());
       p[Layout::ln_gain] = ln_gain;

@@ -14,10 +14,11 @@ namespace lampglow::inference {
 // What was measured: one value per ring of the scene.
 struct RingData {
   std::vector<double> value;
-  std::vector<double> sigma;  // one standard deviation, model error included
-  std::vector<char> used;     // 0: no value
-  std::vector<char> lit;      // per lamp; 0: it is off, its rings still count
-  double sky_unit = 1;        // a typical background, to scale the sky's parameters
+  std::vector<double> sigma;       // one standard deviation, model error included
+  std::vector<char> used;          // 0: no value
+  std::vector<char> lit;           // per lamp; 0: it is off, its rings still count
+  std::vector<double> ln_dimming;  // per lamp: prior mean of ln strength, 0 or ln ½; empty: all 0
+  double sky_unit = 1;             // a typical background, to scale the sky's parameters
 };
 
 struct FitOptions {

@@ -28,6 +28,21 @@ struct Night {
   JointFit fit;
 };
 
+// Lamps that burn at half power, as the fit's strengths show; true if that differs from what was assumed.
+bool find_dimmed(const Scene& scene, const JointFit& fit, const NightOptions& options, RingData& data) {
+  const Layout at(scene.lamps().size());
+  std::vector<double> dimming(scene.lamps().size(), 0.0);
+  for (size_t j = 0; j < dimming.size(); ++j) {
+    const double ln_strength = fit.parameters[at.ln_strength(j)];
+    if (data.lit[j] && std::abs(ln_strength - options.ln_half) < options.half_reach)
+      dimming[j] = options.ln_half;
+  }
+  if (data.ln_dimming.empty()) data.ln_dimming.assign(dimming.size(), 0.0);
+  const bool changed = dimming != data.ln_dimming;
+  data.ln_dimming = std::move(dimming);
+  return changed;
+}
+
 // Lamps without a core start as off. Those that the fit then says could not be seen anyway are lit: their
 // halo counts.
 Night fit_with_outages(const photometry::RegisteredFrame& registered, const ClearReference& reference,
@@ -41,10 +56,10 @@ Night fit_with_outages(const photometry::RegisteredFrame& registered, const Clea
     data.lit[j] = !doubtful[j];
   }
   Night night;
-  for (int round = 0; round < 3; ++round) {
+  for (int round = 0; round < 4; ++round) {
     FitOptions fit_options = options.fit;
     night.fit = fit_jointly(scene, halo, data, fit_options);
-    bool changed = false;
+    bool changed = find_dimmed(scene, night.fit, options, data);
     for (size_t j = 0; j < doubtful.size(); ++j) {
       if (!doubtful[j] || data.lit[j]) continue;
       const double clear = reference.catalogue[j].core_flux.value_or(0);
