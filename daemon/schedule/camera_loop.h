@@ -24,11 +24,12 @@ namespace lampglow::daemon {
 struct CameraLoopOptions {
   std::string id;  // the camera's name in the configuration
   ScheduleOptions schedule;
-  std::optional<Place> place{};                 // of the site; empty: night and day can't be told apart
-  FrameCheckOptions checks;                     // size, depth, frozen after so many
-  std::optional<AdaptOptions> adapt{};          // the bracket's adaptation; empty: fixed settings
-  std::chrono::milliseconds clock_step{2'000};  // UTC moved this much against monotonic: a clock step
-  std::uint64_t seed = 1;                       // of the ladder's jitter
+  std::optional<Place> place{};                     // of the site; empty: night and day can't be told apart
+  FrameCheckOptions checks;                         // size, depth, frozen after so many
+  std::optional<AdaptOptions> adapt{};              // the bracket's adaptation; empty: fixed settings
+  std::chrono::milliseconds clock_step{2'000};      // UTC moved this much against monotonic: a clock step
+  std::chrono::milliseconds attempt_limit{90'000};  // no try of the source lasts longer: for the watchdog
+  std::uint64_t seed = 1;                           // of the ladder's jitter
 };
 
 // What came of one scheduled slot. Every slot gets exactly one.

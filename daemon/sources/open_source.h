@@ -52,6 +52,9 @@ struct SourceOptions {
 // build does not have. Does not connect: a camera may be away when the daemon starts.
 std::unique_ptr<FrameSource> open_source(const SourceOptions& options);
 
+// Now, to the millisecond.
+TimePoint utc_now();
+
 // The URL without anything that may be secret: user, password and query.
 std::string redacted_url(std::string_view url);
 
