@@ -174,6 +174,7 @@ class HttpTransfer::Curl {
   }
   static std::size_t on_header(char* data, std::size_t size, std::size_t count, void* self) {
     const std::string_view line(data, size * count);
+    static_cast<Curl*>(self)->window_bytes_ += line.size();
     auto& server = static_cast<Curl*>(self)->server_;
     if (line.size() > 8 && strncasecmp(line.data(), "server: ", 8) == 0) {
       server = line.substr(8, line.find_last_not_of("\r\n") + 1 - 8);
