@@ -60,6 +60,17 @@ std::optional<std::vector<std::uint8_t>> HttpMjpeg::next_part(Deadline deadline,
 }
 
 std::optional<Bracket> HttpMjpeg::next(std::stop_token stop) {
+  try {
+    auto bracket = take_picture(stop);
+    if (!options_.stay_connected) close();
+    return bracket;
+  } catch (...) {
+    close();  // what failed is not used again
+    throw;
+  }
+}
+
+std::optional<Bracket> HttpMjpeg::take_picture(std::stop_token stop) {
   const auto deadline = std::chrono::steady_clock::now() + options_.frame_timeout;
   if (transfer_) {
     drop_stale();
@@ -71,7 +82,6 @@ std::optional<Bracket> HttpMjpeg::next(std::stop_token stop) {
   Bracket bracket;
   bracket.time_utc = utc_now();
   bracket.exposures.push_back(decode_live_frame(*part, name_, options_.max_pixels));
-  if (!options_.stay_connected) close();
   return bracket;
 }
 

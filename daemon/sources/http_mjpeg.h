@@ -22,6 +22,7 @@ class HttpMjpeg : public FrameSource {
 
  private:
   using Deadline = HttpTransfer::Deadline;
+  std::optional<Bracket> take_picture(std::stop_token stop);
   void drop_stale();
   bool receive(Deadline deadline, std::stop_token stop);
   std::optional<std::vector<std::uint8_t>> next_part(Deadline deadline, std::stop_token stop);

@@ -48,7 +48,8 @@ class MjpegCamera : public ::testing::Test {
     write_file(
         folder_ / "serve.sh",
         fmt::format("while :; do {} -loglevel error -re -loop 1 -framerate 10 -i {}/frame%d.jpg -c copy "
-                    "-f mpjpeg -listen 1 http://127.0.0.1:{}/stream & child=$!; "
+                    "-f mpjpeg -content_type 'multipart/x-mixed-replace;boundary=ffmpeg' -listen 1 "
+                    "http://127.0.0.1:{}/stream & child=$!; "
                     "trap 'kill -9 $child; exit' TERM; wait $child; done",
                     find_program("ffmpeg"), folder_.path().string(), port_));
     server_ = std::make_unique<Program>(std::vector<std::string>{"/bin/sh", (folder_ / "serve.sh").string()},
