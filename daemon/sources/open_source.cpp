@@ -9,6 +9,7 @@
 #include "daemon/sources/archive.h"
 #include "daemon/sources/http_mjpeg.h"
 #include "daemon/sources/http_snapshot.h"
+#include "daemon/sources/rtsp_camera.h"
 #include "daemon/sources/v4l2_camera.h"
 #include "daemon/sources/watch_folder.h"
 
@@ -59,6 +60,7 @@ std::unique_ptr<FrameSource> open_source(const SourceOptions& options) {
   }
   if (is("http://") || is("https://")) return std::make_unique<HttpSnapshot>(options);
   if (is("mjpeg+http://") || is("mjpeg+https://")) return std::make_unique<HttpMjpeg>(options);
+  if (is("rtsp://")) return std::make_unique<RtspCamera>(options);
   if (is("v4l2:")) return std::make_unique<V4l2Camera>(options);
   if (is("watch:")) return std::make_unique<WatchFolder>(options);
   if (is("archive:")) return open_archive(url.substr(8));
