@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -48,7 +49,8 @@ double percentile_dn(const Image<std::uint16_t>& pixels, double share) {
 cv::Mat stretched(const Image<std::uint16_t>& pixels, const Camera& camera, const PictureOptions& options,
                   double& scale) {
   const double black = camera.black_level_dn;
-  const double white = std::clamp(percentile_dn(pixels, 0.999), black + 16, std::max(camera.saturation_dn, black + 16));
+  const double white =
+      std::clamp(percentile_dn(pixels, 0.999), black + 16, std::max(camera.saturation_dn, black + 16));
   const double gamma = camera.response.kind == Response::Kind::linear ? 1 / 2.2 : 1.0;
   std::vector<std::uint8_t> table(65536);
   for (std::size_t dn = 0; dn < table.size(); ++dn) {
@@ -74,7 +76,9 @@ std::vector<std::uint8_t> to_jpeg(const cv::Mat& picture, const PictureOptions& 
 void draw_lamp(cv::Mat& picture, const LampFit& lamp, double scale) {
   constexpr int kShift = 3;
   // Site files put pixel centres at .5, OpenCV puts them at whole numbers.
-  const auto fixed = [scale](double px) { return static_cast<int>(std::lround((px * scale - 0.5) * (1 << kShift))); };
+  const auto fixed = [scale](double px) {
+    return static_cast<int>(std::lround((px * scale - 0.5) * (1 << kShift)));
+  };
   const cv::Point centre(fixed(lamp.x_px), fixed(lamp.y_px));
   const int radius = 9 << kShift;
   const cv::Scalar colour = bgr(colour_of(lamp.state)), dark(0, 0, 0);
@@ -91,8 +95,10 @@ void draw_target(cv::Mat& picture, const Target& target, double scale) {
   const cv::Scalar colour(255, 192, 121), dark(0, 0, 0);
   cv::rectangle(picture, box, dark, 3, cv::LINE_AA);
   cv::rectangle(picture, box, colour, 1, cv::LINE_AA);
-  cv::putText(picture, target.id, {box.x + 3, box.y + 13}, cv::FONT_HERSHEY_SIMPLEX, 0.4, dark, 3, cv::LINE_AA);
-  cv::putText(picture, target.id, {box.x + 3, box.y + 13}, cv::FONT_HERSHEY_SIMPLEX, 0.4, colour, 1, cv::LINE_AA);
+  cv::putText(picture, target.id, {box.x + 3, box.y + 13}, cv::FONT_HERSHEY_SIMPLEX, 0.4, dark, 3,
+              cv::LINE_AA);
+  cv::putText(picture, target.id, {box.x + 3, box.y + 13}, cv::FONT_HERSHEY_SIMPLEX, 0.4, colour, 1,
+              cv::LINE_AA);
 }
 
 }  // namespace
@@ -143,8 +149,8 @@ std::vector<std::uint8_t> annotated_jpeg(const Image<std::uint16_t>& pixels, con
 std::string state_colour(LampState state) {
   const Colour c = colour_of(state);
   char text[8];
-  std::snprintf(text, sizeof text, "#%02x%02x%02x", static_cast<unsigned>(c.red), static_cast<unsigned>(c.green),
-                static_cast<unsigned>(c.blue));
+  std::snprintf(text, sizeof text, "#%02x%02x%02x", static_cast<unsigned>(c.red),
+                static_cast<unsigned>(c.green), static_cast<unsigned>(c.blue));
   return text;
 }
 

@@ -18,12 +18,12 @@ struct PictureOptions {
   int jpeg_quality = 82;   // 1..100
 };
 
-// The exposure of a bracket that shows most: the brightest in which at most 1 % of the pixels are saturated, or
-// else the darkest. Null for a bracket without exposures.
+// The exposure of a bracket that shows most: the brightest in which at most 1 % of the pixels are saturated,
+// or else the darkest. Null for a bracket without exposures.
 const Exposure* exposure_to_show(const Bracket& bracket, const Camera& camera);
 
-// A plain JPEG, stretched so that the night shows: from the black level to the 99.9th percentile, with a gamma
-// of 2.2 for linear cameras.
+// A plain JPEG, stretched so that the night shows: from the black level to the 99.9th percentile, with a
+// gamma of 2.2 for linear cameras.
 std::vector<std::uint8_t> plain_jpeg(const Image<std::uint16_t>& pixels, const Camera& camera,
                                      const PictureOptions& options = {});
 

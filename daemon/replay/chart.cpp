@@ -13,7 +13,7 @@ namespace {
 
 // A log axis from data to pixels.
 struct LogAxis {
-  double low = 1, high = 10;        // values
+  double low = 1, high = 10;         // values
   double low_px = 0, high_px = 100;  // where they stand
 
   double px(double value) const {
@@ -43,7 +43,8 @@ std::string metres_label(double metres) {
 
 std::string open_svg(const Size& s, const std::string& title) {
   return fmt::format(
-      "<svg viewBox=\"0 0 {:.0f} {:.0f}\" role=\"img\" aria-label=\"{}\" xmlns=\"http://www.w3.org/2000/svg\">\n",
+      "<svg viewBox=\"0 0 {:.0f} {:.0f}\" role=\"img\" aria-label=\"{}\" "
+      "xmlns=\"http://www.w3.org/2000/svg\">\n",
       s.width, s.height, html_text(title));
 }
 
@@ -77,7 +78,7 @@ struct TimeAxis {
 
 std::string grid_x(const Size& s, const TimeAxis& x) {
   using namespace std::chrono;
-  constexpr std::array<minutes, 11> kSteps{10min,  30min,   60min,   120min,  180min,  360min,
+  constexpr std::array<minutes, 11> kSteps{10min,  30min,   60min,   120min,   180min,  360min,
                                            720min, 1440min, 2880min, 10080min, 43200min};
   minutes step = kSteps.back();
   for (const minutes candidate : kSteps)
@@ -97,7 +98,8 @@ std::string grid_x(const Size& s, const TimeAxis& x) {
   return out;
 }
 
-LogAxis mor_axis(const std::vector<Observation>& observations, const std::vector<Truth>& truths, const Size& s) {
+LogAxis mor_axis(const std::vector<Observation>& observations, const std::vector<Truth>& truths,
+                 const Size& s) {
   double low = 500, high = 2000;
   const auto take = [&](const std::optional<double>& value) {
     if (!value) return;
@@ -135,8 +137,9 @@ std::string band(const std::vector<const Observation*>& run, const TimeAxis& x, 
     lower.emplace_back(x.px(o->time_utc), y.px(o->mor_low_m().value_or(y.low)));
   }
   if (run.size() == 1)
-    return fmt::format("<line class=\"bandline\" x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1:.1f}\" y2=\"{2:.1f}\"/>\n",
-                       upper[0].first, upper[0].second, lower[0].second);
+    return fmt::format(
+        "<line class=\"bandline\" x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1:.1f}\" y2=\"{2:.1f}\"/>\n",
+        upper[0].first, upper[0].second, lower[0].second);
   upper.insert(upper.end(), lower.rbegin(), lower.rend());
   return "<polygon class=\"band\" points=\"" + points_text(upper) + "\"/>\n";
 }
@@ -145,22 +148,25 @@ std::string limit_mark(const Observation& o, const TimeAxis& x, const LogAxis& y
   const double cx = x.px(o.time_utc), cy = y.px(*o.mor_m());
   const double direction = o.limit == Limit::above ? -1 : 1;
   return fmt::format(
-      "<polygon class=\"limit\" points=\"{:.1f},{:.1f} {:.1f},{:.1f} {:.1f},{:.1f}\"><title>{} {} {}</title></polygon>"
+      "<polygon class=\"limit\" points=\"{:.1f},{:.1f} {:.1f},{:.1f} {:.1f},{:.1f}\"><title>{} {} "
+      "{}</title></polygon>"
       "\n",
       cx - 4, cy, cx + 4, cy, cx, cy + 9 * direction, format_time_utc(o.time_utc),
       o.limit == Limit::above ? "at least" : "at most", metres_label(std::round(*o.mor_m())));
 }
 
-std::string estimate_marks(const std::vector<Observation>& observations, const TimeAxis& x, const LogAxis& y) {
+std::string estimate_marks(const std::vector<Observation>& observations, const TimeAxis& x,
+                           const LogAxis& y) {
   std::string bands, lines, dots;
   for (const auto& run : runs_of_values(observations)) {
     bands += band(run, x, y);
     std::vector<std::pair<double, double>> points;
     for (const Observation* o : run) {
       points.emplace_back(x.px(o->time_utc), y.px(*o->mor_m()));
-      dots += fmt::format("<circle class=\"dot {}\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2.6\"><title>{} {}</title></circle>\n",
-                          to_string(o->method), points.back().first, points.back().second,
-                          format_time_utc(o->time_utc), metres_label(std::round(*o->mor_m())));
+      dots += fmt::format(
+          "<circle class=\"dot {}\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2.6\"><title>{} {}</title></circle>\n",
+          to_string(o->method), points.back().first, points.back().second, format_time_utc(o->time_utc),
+          metres_label(std::round(*o->mor_m())));
     }
     lines += "<polyline class=\"estimate\" points=\"" + points_text(points) + "\"/>\n";
   }
@@ -185,8 +191,8 @@ std::string truth_line(const std::vector<Truth>& truths, const TimeAxis& x, cons
       continue;
     }
     points.emplace_back(x.px(truth.time_utc), y.px(*truth.mor_m));
-    dots += fmt::format("<circle class=\"truthdot\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"1.8\"/>\n", points.back().first,
-                        points.back().second);
+    dots += fmt::format("<circle class=\"truthdot\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"1.8\"/>\n",
+                        points.back().first, points.back().second);
   }
   finish();
   return out + dots;
@@ -220,8 +226,8 @@ std::string visibility_chart(const std::vector<Observation>& observations, const
   const LogAxis y = mor_axis(observations, truths, s);
   std::string out = open_svg(s, "Visibility against time") + grid_y(s, y, metres_label) + grid_x(s, x);
   if (y.low < 1000 && y.high > 1000)
-    out += fmt::format("<line class=\"fog\" x1=\"{:.1f}\" x2=\"{:.1f}\" y1=\"{:.1f}\" y2=\"{:.1f}\"/>\n", s.left,
-                       s.width - s.right, y.px(1000), y.px(1000));
+    out += fmt::format("<line class=\"fog\" x1=\"{:.1f}\" x2=\"{:.1f}\" y1=\"{:.1f}\" y2=\"{:.1f}\"/>\n",
+                       s.left, s.width - s.right, y.px(1000), y.px(1000));
   return out + truth_line(truths, x, y) + estimate_marks(observations, x, y) + "</svg>\n";
 }
 
@@ -246,17 +252,18 @@ std::string profile_chart(const LampFit& lamp) {
   std::string out = open_svg(s, "Ring profile of lamp " + lamp.id) +
                     grid_y(s, y, [](double v) { return fmt::format("{:g}", v); });
   for (const double tick : x.ticks())
-    out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{:g}°</text>\n", x.px(tick),
-                       s.height - s.bottom + 18, tick);
+    out += fmt::format("<text class=\"tick\" x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{:g}°</text>\n",
+                       x.px(tick), s.height - s.bottom + 18, tick);
   std::vector<std::pair<double, double>> model;
   for (std::size_t i = 0; i < p.theta_deg.size(); ++i) {
     if (i < p.model.size() && p.model[i] > 0) model.emplace_back(x.px(p.theta_deg[i]), y.px(p.model[i]));
     if (!(p.radiance[i] > 0)) continue;
     const double sigma = i < p.radiance_sigma.size() ? p.radiance_sigma[i] : 0;
     const double cx = x.px(p.theta_deg[i]);
-    out += fmt::format("<line class=\"bar\" x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1:.1f}\" y2=\"{2:.1f}\"/>", cx,
-                       y.px(p.radiance[i] + sigma), y.px(std::max(p.radiance[i] - sigma, y.low)));
-    out += fmt::format("<circle class=\"ring\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2\"/>\n", cx, y.px(p.radiance[i]));
+    out += fmt::format("<line class=\"bar\" x1=\"{0:.1f}\" x2=\"{0:.1f}\" y1=\"{1:.1f}\" y2=\"{2:.1f}\"/>",
+                       cx, y.px(p.radiance[i] + sigma), y.px(std::max(p.radiance[i] - sigma, y.low)));
+    out += fmt::format("<circle class=\"ring\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2\"/>\n", cx,
+                       y.px(p.radiance[i]));
   }
   if (model.size() > 1) out += "<polyline class=\"fit\" points=\"" + points_text(model) + "\"/>\n";
   return out + "</svg>\n";

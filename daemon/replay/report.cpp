@@ -123,23 +123,25 @@ std::string profiles_html(const FrameResult& frame) {
 
 std::string frame_html(const Shown& shown, const ReplayOptions& options, const ReplayResult& result,
                        const ArchiveSource& source, const std::map<TimePoint, double>& truth_m) {
-  const Bracket bracket = load_bracket(options.archive, source.brackets().at(shown.index), result.site.camera);
+  const Bracket bracket =
+      load_bracket(options.archive, source.brackets().at(shown.index), result.site.camera);
   const FrameResult frame = estimate(bracket, result.site, result.reference, options.estimator);
   const ReplayRecord& record = result.records[shown.index];
   const Observation& o = record.observation;
   const auto truth = truth_m.find(o.time_utc);
-  std::string out = fmt::format("<h3>{} — {}</h3>\n<p>Estimate {}{}{}{}. {}</p>\n", format_time_utc(o.time_utc),
-                                html_text(shown.why), estimate_text(o),
-                                o.mor_low_m() && o.mor_high_m()
-                                    ? fmt::format(" ({} to {})", metres(o.mor_low_m()), metres(o.mor_high_m()))
-                                    : "",
-                                truth == truth_m.end() ? "" : ", truth " + metres(truth->second),
-                                record.reason.empty() ? "" : ": " + html_text(record.reason),
-                                html_text(o.quality.to_string()));
+  std::string out = fmt::format(
+      "<h3>{} — {}</h3>\n<p>Estimate {}{}{}{}. {}</p>\n", format_time_utc(o.time_utc), html_text(shown.why),
+      estimate_text(o),
+      o.mor_low_m() && o.mor_high_m()
+          ? fmt::format(" ({} to {})", metres(o.mor_low_m()), metres(o.mor_high_m()))
+          : "",
+      truth == truth_m.end() ? "" : ", truth " + metres(truth->second),
+      record.reason.empty() ? "" : ": " + html_text(record.reason), html_text(o.quality.to_string()));
   if (const Exposure* exposure = exposure_to_show(bracket, result.site.camera)) {
     const auto jpeg = annotated_jpeg(exposure->pixels, result.site.camera, frame.lamps, result.site.targets);
-    out += fmt::format("<figure><img alt=\"Annotated frame of {}\" src=\"data:image/jpeg;base64,{}\"></figure>\n",
-                       format_time_utc(o.time_utc), base64(jpeg));
+    out += fmt::format(
+        "<figure><img alt=\"Annotated frame of {}\" src=\"data:image/jpeg;base64,{}\"></figure>\n",
+        format_time_utc(o.time_utc), base64(jpeg));
   } else {
     out += "<p class=\"soft\">There is no picture: " + html_text(bracket.fault) + "</p>\n";
   }
@@ -150,9 +152,12 @@ std::string lamp_key() {
   std::string out = "<p class=\"key\">Lamps:";
   for (const LampState state : {LampState::seen, LampState::faded, LampState::saturated, LampState::hidden,
                                 LampState::off, LampState::unknown})
-    out += fmt::format("<span><i style=\"background:{}\"></i>{}</span>", state_colour(state), to_string(state));
-  return out + "</p>\n<p class=\"key\">Ring profiles: points are the measured radiance with one standard deviation, "
-               "the red line is the fit.</p>\n";
+    out +=
+        fmt::format("<span><i style=\"background:{}\"></i>{}</span>", state_colour(state), to_string(state));
+  return out +
+         "</p>\n<p class=\"key\">Ring profiles: points are the measured radiance with one standard "
+         "deviation, "
+         "the red line is the fit.</p>\n";
 }
 
 // ---- scores and records as tables
@@ -163,10 +168,10 @@ std::string row(const std::string& name, const std::string& value) {
 
 std::string scores_html(const Scores& s) {
   std::string out = "<table>\n";
-  out += row("Records with a truth", fmt::format("{}: {} values, {} limits, {} without either", s.pairs, s.values,
-                                                 s.limits, s.none));
-  out += row("Values within the WMO limits", fmt::format("{} ({} of {})", percent(s.within_wmo_share), s.within_wmo,
-                                                         s.values));
+  out += row("Records with a truth",
+             fmt::format("{}: {} values, {} limits, {} without either", s.pairs, s.values, s.limits, s.none));
+  out += row("Values within the WMO limits",
+             fmt::format("{} ({} of {})", percent(s.within_wmo_share), s.within_wmo, s.values));
   out += row("The same share of all records", percent(s.within_wmo_share_of_all));
   out += row("Limits that the truth keeps", fmt::format("{} of {}", s.limits_right, s.limits));
   out += row("|ln(estimate/truth)|, median", three(s.median_abs_ln));
@@ -178,21 +183,25 @@ std::string scores_html(const Scores& s) {
              fmt::format("{} (hits {}, misses {}, false alarms {}, rightly none {}, undecided {})",
                          percent(s.fog_right_share), s.fog[1][1], s.fog[1][0], s.fog[0][1], s.fog[0][0],
                          s.fog_undecided));
-  return out + "</table>\n<p class=\"soft\">WMO limits: ±50 m up to 600 m, ±10 % up to 1500 m, ±20 % above. A limit is "
-               "no value and counts in its own line. Clear references are not scored.</p>\n";
+  return out +
+         "</table>\n<p class=\"soft\">WMO limits: ±50 m up to 600 m, ±10 % up to 1500 m, ±20 % above. A "
+         "limit is "
+         "no value and counts in its own line. Clear references are not scored.</p>\n";
 }
 
 std::string ranges_html(const std::vector<RangeScores>& ranges) {
   std::string out =
-      "<table>\n<tr><th>True MOR</th><th>Records</th><th>Values</th><th>Within WMO</th><th>Limits</th><th>Limits "
+      "<table>\n<tr><th>True MOR</th><th>Records</th><th>Values</th><th>Within "
+      "WMO</th><th>Limits</th><th>Limits "
       "right</th><th>Median |ln|</th></tr>\n";
   for (const RangeScores& r : ranges) {
     if (r.scores.pairs == 0) continue;
-    out += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                       r.high_m > 1e8 ? fmt::format("{:.0f} m and more", r.low_m)
-                                      : fmt::format("{:.0f} to {:.0f} m", r.low_m, r.high_m),
-                       r.scores.pairs, r.scores.values, r.scores.within_wmo, r.scores.limits, r.scores.limits_right,
-                       three(r.scores.median_abs_ln));
+    out += fmt::format(
+        "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+        r.high_m > 1e8 ? fmt::format("{:.0f} m and more", r.low_m)
+                       : fmt::format("{:.0f} to {:.0f} m", r.low_m, r.high_m),
+        r.scores.pairs, r.scores.values, r.scores.within_wmo, r.scores.limits, r.scores.limits_right,
+        three(r.scores.median_abs_ln));
   }
   return out + "</table>\n";
 }
@@ -213,7 +222,8 @@ std::string weather_html(const Scores& s) {
 std::string records_html(const ReplayResult& result, const std::map<TimePoint, double>& truth_m) {
   std::string out =
       "<details><summary>All records</summary><div class=\"wide\"><table>\n<tr><th>Time</th><th>Truth</th>"
-      "<th>Estimate</th><th>95 % bounds</th><th>q</th><th class=\"left\">Weather</th><th class=\"left\">Method</th>"
+      "<th>Estimate</th><th>95 % bounds</th><th>q</th><th class=\"left\">Weather</th><th "
+      "class=\"left\">Method</th>"
       "<th>Lamps</th><th class=\"left\">Flags, reason</th></tr>\n";
   for (const ReplayRecord& record : result.records) {
     const Observation& o = record.observation;
@@ -236,13 +246,16 @@ std::string head(const ReplayResult& result) {
            format_time_utc(result.records.back().observation.time_utc);
   return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
          "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
-         html_text(result.site.name) + " — visibility from lamps</title>\n<style>" + std::string(kReportStyle) +
-         "</style></head><body>\n<h1>" + html_text(result.site.name) + "</h1>\n<p class=\"soft\">" + span + "</p>\n";
+         html_text(result.site.name) + " — visibility from lamps</title>\n<style>" +
+         std::string(kReportStyle) + "</style></head><body>\n<h1>" + html_text(result.site.name) +
+         "</h1>\n<p class=\"soft\">" + span + "</p>\n";
 }
 
 constexpr std::string_view kChartKey =
-    "<p class=\"key\"><span><i style=\"background:var(--estimate)\"></i>estimate (MOR, 5 %), open dots by day's "
-    "contrast</span><span><i style=\"background:var(--band)\"></i>95 % bounds</span><span>▲ at least, ▼ at most: a "
+    "<p class=\"key\"><span><i style=\"background:var(--estimate)\"></i>estimate (MOR, 5 %), open dots by "
+    "day's "
+    "contrast</span><span><i style=\"background:var(--band)\"></i>95 % bounds</span><span>▲ at least, ▼ at "
+    "most: a "
     "limit</span><span><i style=\"background:var(--truth)\"></i>truth</span><span><i "
     "style=\"background:var(--fog)\"></i>fog below 1000 m</span></p>\n";
 
@@ -261,7 +274,8 @@ std::string format_report(const ReplayOptions& options, const ReplayResult& resu
   if (!truths.empty()) {
     const auto pairs = match_truth(scored_observations(result), truths);
     const Scores scores = score(pairs);
-    html += "<h2>Scores</h2>\n" + scores_html(scores) + ranges_html(score_by_range(pairs)) + weather_html(scores);
+    html +=
+        "<h2>Scores</h2>\n" + scores_html(scores) + ranges_html(score_by_range(pairs)) + weather_html(scores);
   }
   html += "<h2>Worst and typical frames</h2>\n" + lamp_key();
   const ArchiveSource source(options.archive, result.site.camera);
