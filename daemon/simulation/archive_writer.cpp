@@ -100,19 +100,21 @@ void write_frames(const std::filesystem::path& file, const Night& night,
   write_text(file, text);
 }
 
-void write_truth(const std::filesystem::path& file, const Night& night, const std::vector<double>& bounds) {
+void write_truth(const std::filesystem::path& file, const Night& night,
+                 const std::vector<std::optional<double>>& bounds) {
   std::string text = "time_utc,mor_m,q,weather,crb_ln_extinction\n";
   for (size_t i = 0; i < night.frames.size(); ++i) {
     const Frame& frame = night.frames[i];
     if (frame.role != FrameRole::observation) continue;
     text += fmt::format("{},{:.1f},{:.4f},{},{}\n", format_time_utc(frame.time_utc), frame.mor_m(), frame.q,
-                        to_string(frame.weather), bounds.empty() ? "" : number(bounds[i]));
+                        to_string(frame.weather), number(bounds[i]));
   }
   write_text(file, text);
 }
 
 void write_full_truth(const std::filesystem::path& file, const Night& night,
-                      const std::vector<double>& bounds, const std::vector<double>& longest_exposure_s) {
+                      const std::vector<std::optional<double>>& bounds,
+                      const std::vector<double>& longest_exposure_s) {
   std::string text =
       "time_utc,role,mor_m,extinction_per_m,q,weather,gain,longest_exposure_s,shift_x_px,shift_y_px,rotation_"
       "rad,"
@@ -121,12 +123,11 @@ void write_full_truth(const std::filesystem::path& file, const Night& night,
   text += "\n";
   for (size_t i = 0; i < night.frames.size(); ++i) {
     const Frame& frame = night.frames[i];
-    text +=
-        fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}", format_time_utc(frame.time_utc),
-                    frame.role == FrameRole::observation ? "observation" : "clear_reference", frame.mor_m(),
-                    frame.extinction_per_m, frame.q, to_string(frame.weather), frame.gain,
-                    longest_exposure_s[i], frame.shift_x_px, frame.shift_y_px, frame.rotation_rad,
-                    frame.sky_electrons_per_s, frame.cars.size(), bounds.empty() ? "" : number(bounds[i]));
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}", format_time_utc(frame.time_utc),
+                        frame.role == FrameRole::observation ? "observation" : "clear_reference",
+                        frame.mor_m(), frame.extinction_per_m, frame.q, to_string(frame.weather), frame.gain,
+                        longest_exposure_s[i], frame.shift_x_px, frame.shift_y_px, frame.rotation_rad,
+                        frame.sky_electrons_per_s, frame.cars.size(), number(bounds[i]));
     for (const double strength : frame.lamp_strength) text += fmt::format(",{}", strength);
     text += "\n";
   }

@@ -29,10 +29,12 @@ void write_frames(const std::filesystem::path& file, const Night& night,
                   const std::vector<std::vector<PictureRecord>>& records);
 
 // The observations' visibility, q, weather and, if known, the bound of ln σ (Cramér-Rao).
-void write_truth(const std::filesystem::path& file, const Night& night, const std::vector<double>& bounds);
+void write_truth(const std::filesystem::path& file, const Night& night,
+                 const std::vector<std::optional<double>>& bounds);
 
 // Everything that is true of every frame, for tests and benches; replay does not read it.
 void write_full_truth(const std::filesystem::path& file, const Night& night,
-                      const std::vector<double>& bounds, const std::vector<double>& longest_exposure_s);
+                      const std::vector<std::optional<double>>& bounds,
+                      const std::vector<double>& longest_exposure_s);
 
 }  // namespace lampglow::simulation

@@ -146,6 +146,15 @@ HaloProfile HaloLibrary::at_thickness(const Count& count, double thickness) cons
           mix(spheres[below].relative_error, spheres[below + 1].relative_error, share)};
 }
 
+std::vector<double> HaloLibrary::counted_q(double low, double high, double thickness) const {
+  std::vector<double> found;
+  for (const Count& count : counts_) {
+    const bool reaches = thickness <= count.spheres.back().thickness;
+    if (reaches && count.q >= low && count.q <= high) found.push_back(count.q);
+  }
+  return found;
+}
+
 HaloProfile HaloLibrary::profile(double q, double thickness) const {
   auto above = std::find_if(counts_.begin(), counts_.end(), [&](const Count& c) { return c.q >= q - 1e-12; });
   if (above == counts_.end()) --above;

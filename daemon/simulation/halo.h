@@ -42,6 +42,9 @@ class HaloLibrary {
   // For the run whose q is this one (or the next above it), and T = σR > 0.
   HaloProfile profile(double q, double thickness) const;
 
+  // The q of the runs within [low, high] that reach this optical thickness, ascending.
+  std::vector<double> counted_q(double low, double high, double thickness) const;
+
  private:
   struct Sphere {
     double thickness = 0;

@@ -11,6 +11,7 @@
 #include <opencv2/core.hpp>
 
 #include "daemon/simulation/archive_writer.h"
+#include "daemon/simulation/bound.h"
 #include "daemon/simulation/parallel.h"
 #include "daemon/simulation/random.h"
 #include "daemon/simulation/render.h"
@@ -61,18 +62,35 @@ class ArchiveMaker {
  public:
   ArchiveMaker(const Night& night, const HaloLibrary& halos, std::filesystem::path directory)
       : night_(night),
+        halos_(halos),
         renderer_(night, halos),
         directory_(std::move(directory)),
         sensor_(night.options.style == Style::bracket ? bracket_sensor() : webcam_sensor()),
         records_(night.frames.size()),
-        exposures_s_(night.frames.size(), 1) {
+        exposures_s_(night.frames.size(), 1),
+        bounds_(night.frames.size()) {
     Random random(night.options.seed, {kHotPixels});
     if (night.options.nuisances.hot_pixels) hot_pixels_ = draw_hot_pixels(kWidthPx, kHeightPx, random);
   }
 
   void make_frame(size_t index) {
     const Frame& frame = night_.frames[index];
-    const Image<double> still = renderer_.still_scene(frame);
+    take_pictures(index, renderer_.still_scene(frame));
+    if (night_.options.hours != Hours::night) return;  // the bound knows lamps, not targets
+    std::vector<double> exposures_s = {exposures_s_[index]};
+    if (night_.options.style == Style::bracket)
+      exposures_s.assign(kNightBracket_s.begin(), kNightBracket_s.end());
+    bounds_[index] = bound_of_ln_extinction(night_, frame, halos_, sensor_, exposures_s);
+  }
+  void write_tables() const {
+    write_site(directory_ / "site.toml", night_, sensor_);
+    write_frames(directory_ / "frames.csv", night_, records_);
+    write_truth(directory_ / "truth.csv", night_, bounds_);
+    write_full_truth(directory_ / "truth_full.csv", night_, bounds_, exposures_s_);
+  }
+
+ private:
+  void take_pictures(size_t index, const Image<double>& still) {
     if (night_.options.style == Style::webcam) {
       exposures_s_[index] = automatic_exposure_s(still, night_.options, index);
       expose_to_file(index, 0, still, 0, exposures_s_[index]);
@@ -80,21 +98,13 @@ class ArchiveMaker {
     }
     double start_s = 0;
     int number = 0;
-    for (const double exposure_s : bracket_exposures_s(frame)) {
+    for (const double exposure_s : bracket_exposures_s(night_.frames[index])) {
       expose_to_file(index, number++, still, start_s, exposure_s);
       exposures_s_[index] = exposure_s;
       start_s += exposure_s + 0.1;
     }
   }
 
-  void write_tables() const {
-    write_site(directory_ / "site.toml", night_, sensor_);
-    write_frames(directory_ / "frames.csv", night_, records_);
-    write_truth(directory_ / "truth.csv", night_, {});
-    write_full_truth(directory_ / "truth_full.csv", night_, {}, exposures_s_);
-  }
-
- private:
   void expose_to_file(size_t index, int number, const Image<double>& still, double start_s,
                       double exposure_s) {
     const bool webcam = night_.options.style == Style::webcam;
@@ -111,12 +121,14 @@ class ArchiveMaker {
   }
 
   const Night& night_;
+  const HaloLibrary& halos_;
   Renderer renderer_;
   std::filesystem::path directory_;
   Sensor sensor_;
   std::vector<HotPixel> hot_pixels_;
   std::vector<std::vector<PictureRecord>> records_;
-  std::vector<double> exposures_s_;
+  std::vector<double> exposures_s_;  // the longest of each frame
+  std::vector<std::optional<double>> bounds_;
 };
 
 }  // namespace
