@@ -59,6 +59,9 @@ std::string outside_glow_model(GlowModel model, double thickness, double q, doub
                                std::span<const double> theta_rad) {
   if (model == GlowModel::table)
     return default_glow_table().domain().outside(thickness, q, albedo, theta_rad);
+  if (model == GlowModel::apsf_series && thickness <= 1)
+    return "optical thickness = " + std::to_string(thickness) +
+           ", but the APSF series converges above 1 only: its terms go as T^-(m+1)";
   const Ranges ranges = ranges_of(model);
   const std::string_view name = to_string(model);
   if (auto why = outside_range(name, ranges.thickness, thickness); !why.empty()) return why;

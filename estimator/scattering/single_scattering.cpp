@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kFourPi = 4 * std::numbers::pi;
 constexpr double kPanel = 1.0;            // width in v; with 8 nodes good to 1e-10
+constexpr int kFewestPanels = 14;         // for the exponential's forty e-foldings, where it is steep
 constexpr double kNegligible = 40;        // e^-40: where the exponential ends the integral
 constexpr double kNearlyBackward = 1e-7;  // θ = 180° is taken this far from it: relative error 1e-7
 
@@ -39,7 +40,7 @@ void integrate(double thickness, double theta_rad, double scale, Visit&& visit) 
   // Beyond t the rest is at most 1/t of the whole without the exponential.
   const double t_end = t0 + std::min(kNegligible / rate, 1e11 * (1 + t0));
   const double v_end = std::asinh(t_end / scale);
-  const auto panels = static_cast<int>(std::ceil((v_end - v0) / kPanel));
+  const auto panels = std::max(kFewestPanels, static_cast<int>(std::ceil((v_end - v0) / kPanel)));
   const double half = (v_end - v0) / (2 * panels);
   for (int panel = 0; panel < panels; ++panel)
     for (std::size_t i = 0; i < rule.node.size(); ++i) {
