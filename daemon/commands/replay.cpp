@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -12,6 +13,7 @@
 #include "daemon/config/files.h"
 #include "daemon/errors.h"
 #include "daemon/replay/replay.h"
+#include "daemon/replay/replay_server.h"
 #include "daemon/replay/report.h"
 #include "daemon/replay/stop_on_signal.h"
 #include "daemon/sources/truth.h"
@@ -26,6 +28,8 @@ struct Arguments {
   std::string archive, site_file, database, csv, truth, report;
   std::size_t workers = 0;
   bool json = false;
+  bool serve = false;
+  std::uint16_t port = 8080;
 };
 
 std::optional<std::filesystem::path> path_or_none(const std::string& text) {
@@ -75,16 +79,9 @@ void print_result(const Arguments& arguments, const ReplayResult& result, const 
   if (!truths.empty()) print_scores(result, truths);
 }
 
-void replay(const Arguments& arguments) {
-  const StopOnSignal stop;
-  std::vector<Truth> truths;
-  if (!arguments.truth.empty()) truths = read_truth(arguments.truth);
-  const ReplayOptions options = to_options(arguments);
-  const ReplayResult result = run_replay(
-      options, stop.token(), ::isatty(STDERR_FILENO) != 0 ? ReplayProgress(draw_progress) : nullptr);
-  for (const std::string& warning : result.warnings) fmt::print(stderr, "lampglow: warning: {}\n", warning);
-  print_result(arguments, result, truths);
-
+// The files' names, for the user.
+std::vector<std::string> write_files(const Arguments& arguments, const ReplayOptions& options,
+                                     const ReplayResult& result, const std::vector<Truth>& truths) {
   std::vector<std::string> written;
   for (const std::string& file : {arguments.csv, arguments.database})
     if (!file.empty()) written.push_back(file);
@@ -96,8 +93,41 @@ void replay(const Arguments& arguments) {
     write_file_atomically(arguments.report, format_report(options, result, truths));
     written.push_back(arguments.report);
   }
-  if (arguments.json) return;
-  for (const std::string& file : written) fmt::print("wrote {}\n", file);
+  return written;
+}
+
+ReplayListener make_listener(ReplayServer* server) {
+  ReplayListener listener;
+  if (::isatty(STDERR_FILENO) != 0) listener.progress = draw_progress;
+  if (server) {
+    listener.site = [server](const Site& site) { server->set_site(site); };
+    listener.result = [server](const FrameResult& result) { server->publish(result); };
+  }
+  return listener;
+}
+
+void replay(const Arguments& arguments) {
+  const StopOnSignal stop;
+  std::vector<Truth> truths;
+  if (!arguments.truth.empty()) truths = read_truth(arguments.truth);
+  const ReplayOptions options = to_options(arguments);
+  std::unique_ptr<ReplayServer> server;
+  if (arguments.serve)
+    server = std::make_unique<ReplayServer>(
+        ReplayServerOptions{arguments.port, path_or_none(arguments.database), LAMPGLOW_VERSION});
+
+  const ReplayResult result = run_replay(options, stop.token(), make_listener(server.get()));
+  for (const std::string& warning : result.warnings) fmt::print(stderr, "lampglow: warning: {}\n", warning);
+  print_result(arguments, result, truths);
+  const std::vector<std::string> written = write_files(arguments, options, result, truths);
+  if (!arguments.json)
+    for (const std::string& file : written) fmt::print("wrote {}\n", file);
+  if (!server || stop.token().stop_requested()) return;
+  server->show_last_picture(options, result);
+  fmt::print("serving until Ctrl-C: http://127.0.0.1:{0}/ and http://127.0.0.1:{0}/v1/current\n",
+             server->port());
+  std::fflush(stdout);
+  stop.wait();
 }
 
 }  // namespace
@@ -118,6 +148,11 @@ void add_replay(CLI::App& program) {
       ->check(CLI::Range(1, 1024))
       ->type_name("N");
   command->add_flag("--json", a->json, "Print records and scores as JSON instead of tables");
+  command->add_flag("--serve", a->serve,
+                    "Answer over HTTP on 127.0.0.1 while it runs and after it, until Ctrl-C");
+  command->add_option("--port", a->port, "Port for --serve; 0 for any free one")
+      ->type_name("N")
+      ->capture_default_str();
   command->footer(
       "Example:\n  lampglow replay night --truth night/truth.csv --csv night.csv --report night.html\n\n"
       "The scores go to a file beside the first of --csv, --report and --db: night.scores.json.");

@@ -115,9 +115,11 @@ LogAxis mor_axis(const std::vector<Observation>& observations, const std::vector
 std::vector<std::vector<const Observation*>> runs_of_values(const std::vector<Observation>& observations) {
   std::vector<std::vector<const Observation*>> runs;
   const Observation* before = nullptr;
-  auto usual = std::chrono::milliseconds::max();
+  std::vector<std::chrono::milliseconds> steps{std::chrono::milliseconds::max()};
   for (std::size_t i = 1; i < observations.size(); ++i)
-    usual = std::min(usual, observations[i].time_utc - observations[i - 1].time_utc);
+    steps.push_back(observations[i].time_utc - observations[i - 1].time_utc);
+  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
+  const auto usual = steps[steps.size() / 2];
   for (const Observation& o : observations) {
     if (!o.mor_m() || o.limit != Limit::none) {
       before = nullptr;

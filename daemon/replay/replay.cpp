@@ -100,10 +100,11 @@ std::size_t worker_count(const ReplayOptions& options) {
 
 }  // namespace
 
-ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, const ReplayProgress& progress) {
+ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, const ReplayListener& listener) {
   check_is_archive(options.archive);
   ReplayResult run;
   run.site = read_site(options);
+  if (listener.site) listener.site(run.site);
   ArchiveSource source(options.archive, run.site.camera);
   run.frames = source.brackets().size();
   const std::vector<Bracket> clear = load_clear_brackets(source, options, run.site, stop);
@@ -121,7 +122,8 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
         const TimePoint time = frame.result.observation.time_utc;
         if (!frame.fault.empty()) run.warnings.push_back(format_time_utc(time) + ": " + frame.fault);
         run.records.push_back({frame.result.observation, frame.result.reason, frame.fault, frame.role});
-        if (progress) progress(run.records.back(), run.records.size(), run.frames);
+        if (listener.result) listener.result(frame.result);
+        if (listener.progress) listener.progress(run.records.back(), run.records.size(), run.frames);
       },
       {worker_count(options), 0});
   pool.run(stop);

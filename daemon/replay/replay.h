@@ -40,13 +40,17 @@ struct ReplayResult {
   bool stopped = false;
 };
 
-// Called in the run's thread after every record, in order.
-using ReplayProgress = std::function<void(const ReplayRecord&, std::size_t done, std::size_t total)>;
+// Called in the run's thread, frame by frame in order; any of them may be empty.
+struct ReplayListener {
+  std::function<void(const ReplayRecord&, std::size_t done, std::size_t total)> progress;
+  std::function<void(const Site&)> site;           // once, before the first frame
+  std::function<void(const FrameResult&)> result;  // with lamps and ring profiles
+};
 
 // The clear reference is learned from the archive's clear_reference brackets first; they get records like all
 // others. A bad frame is a flagged record and a warning. After a stop everything done is written and
 // complete. Throws DataError (bad archive), ConfigError (bad site file), IoError.
-ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, const ReplayProgress& progress);
+ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, const ReplayListener& listener);
 
 // Pairs for scoring: records that are no clear references, which would be measured by themselves.
 std::vector<Observation> scored_observations(const ReplayResult& result);
