@@ -1,0 +1,357 @@
+#include "estimator/scattering/glow_renderer.h"
+
+#include <fftw3.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <memory>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+
+#include "estimator/scattering/glow_table.h"
+
+namespace lampglow::scattering {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double kPi = std::numbers::pi;
+constexpr int kTile = 1024;        // of the inner part's transform
+constexpr double kInnerFull = 32;  // px: up to here the kernel is all inner,
+constexpr double kInnerEnd = 128;  // from here all outer
+constexpr int kMargin = 128;       // = kInnerEnd
+constexpr int kValid = kTile - 2 * kMargin;
+constexpr int kCoarse = 4;  // px per pixel of the coarse picture
+constexpr std::size_t kKernelSamples = 1500;
+
+// A real picture and its transform in one buffer, as FFTW's in-place transforms want it.
+class Plane {
+ public:
+  Plane(int width, int height)
+      : width_(width),
+        height_(height),
+        stride_(2 * (width / 2 + 1)),
+        data_(fftw_alloc_real(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height)),
+              &fftw_free),
+        forward_(fftw_plan_dft_r2c_2d(height, width, data_.get(),
+                                      reinterpret_cast<fftw_complex*>(data_.get()), FFTW_ESTIMATE),
+                 &fftw_destroy_plan),
+        backward_(fftw_plan_dft_c2r_2d(height, width, reinterpret_cast<fftw_complex*>(data_.get()),
+                                       data_.get(), FFTW_ESTIMATE),
+                  &fftw_destroy_plan) {
+    clear();
+  }
+
+  void clear() { std::fill_n(data_.get(), size(), 0.0); }
+  double& at(int column, int row) { return data_.get()[row * stride_ + column]; }
+  double* row(int index) { return data_.get() + index * stride_; }
+  int width() const { return width_; }
+  int height() const { return height_; }
+  void forward() { fftw_execute(forward_.get()); }
+  void backward() { fftw_execute(backward_.get()); }
+
+  // Multiplies the transforms, with the scale that FFTW leaves to the caller.
+  void multiply(const Plane& other) {
+    const double scale = 1.0 / (static_cast<double>(width_) * static_cast<double>(height_));
+    double* a = data_.get();
+    const double* b = other.data_.get();
+    for (std::size_t i = 0; i < size(); i += 2) {
+      const double re = (a[i] * b[i] - a[i + 1] * b[i + 1]) * scale;
+      a[i + 1] = (a[i] * b[i + 1] + a[i + 1] * b[i]) * scale;
+      a[i] = re;
+    }
+  }
+
+ private:
+  std::size_t size() const { return static_cast<std::size_t>(stride_) * static_cast<std::size_t>(height_); }
+  using Plan = std::unique_ptr<std::remove_pointer_t<fftw_plan>, decltype(&fftw_destroy_plan)>;
+  int width_, height_, stride_;
+  std::unique_ptr<double, decltype(&fftw_free)> data_;
+  Plan forward_, backward_;
+};
+
+// 1 within the inner part, 0 outside, smooth between (its first and second derivatives too).
+double inner_share(double offset_px) {
+  const double x = std::clamp((offset_px - kInnerFull) / (kInnerEnd - kInnerFull), 0.0, 1.0);
+  return 1 - x * x * x * (10 + x * (6 * x - 15));
+}
+
+// The next size whose only prime factors are 2, 3 and 5.
+int fast_size(int n) {
+  for (;; ++n) {
+    int rest = n;
+    for (const int prime : {2, 3, 5})
+      while (rest % prime == 0) rest /= prime;
+    if (rest == 1) return n;
+  }
+}
+
+struct Layout {
+  int width, height, tiles_x, tiles_y, coarse_width, coarse_height, padded_width, padded_height;
+
+  Layout(int w, int h)
+      : width(w),
+        height(h),
+        tiles_x((w + kValid - 1) / kValid),
+        tiles_y((h + kValid - 1) / kValid),
+        coarse_width(w / kCoarse + 3),
+        coarse_height(h / kCoarse + 3),
+        padded_width(fast_size(2 * coarse_width)),
+        padded_height(fast_size(2 * coarse_height)) {}
+  std::size_t tiles() const { return static_cast<std::size_t>(tiles_x) * static_cast<std::size_t>(tiles_y); }
+};
+
+// Kernel values at all offsets of a periodic plane; each value of the first quadrant serves four.
+template <typename Value>
+void fill_kernel(Plane& plane, int reach_x, int reach_y, Value&& value) {
+  plane.clear();
+  for (int y = 0; y <= reach_y; ++y)
+    for (int x = 0; x <= reach_x; ++x) {
+      const double v = value(x, y);
+      for (const int row : {y, (plane.height() - y) % plane.height()})
+        for (const int column : {x, (plane.width() - x) % plane.width()}) plane.at(column, row) = v;
+    }
+  plane.forward();
+}
+
+// Where a fine pixel lies on the coarse grid: between cell and cell+1.
+struct CoarsePosition {
+  int cell;
+  double fraction;
+};
+
+CoarsePosition on_coarse(int pixel) {
+  const double position = (pixel + 0.5) / kCoarse + 0.5;
+  const int cell = static_cast<int>(position);
+  return {cell, position - cell};
+}
+
+class Renderer {
+ public:
+  Renderer(int width, int height)
+      : layout_(width, height),
+        tile_(kTile, kTile),
+        inner_(kTile, kTile),
+        coarse_(layout_.padded_width, layout_.padded_height),
+        outer_(layout_.padded_width, layout_.padded_height) {}
+
+  const Layout& layout() const { return layout_; }
+
+  void set_kernel(const GlowKernel& kernel) {
+    fill_kernel(inner_, kMargin - 1, kMargin - 1, [&](int x, int y) {
+      const double offset = std::hypot(x, y);
+      return offset < kInnerEnd ? inner_share(offset) * kernel.pixel(x, y) : 0.0;
+    });
+    fill_kernel(outer_, layout_.coarse_width, layout_.coarse_height, [&](int x, int y) {
+      const double offset = std::hypot(x, y) * kCoarse;
+      return offset > kInnerFull ? (1 - inner_share(offset)) * kernel.at(offset) : 0.0;
+    });
+  }
+
+  // out += glow of the light in `source`.
+  template <typename Tick>
+  void add(std::span<const float> source, std::span<float> out, Tick&& tick) {
+    for (int ty = 0; ty < layout_.tiles_y; ++ty)
+      for (int tx = 0; tx < layout_.tiles_x; ++tx) {
+        add_tile(source, out, tx * kValid, ty * kValid);
+        tick();
+      }
+    add_coarse(source, out);
+    tick();
+  }
+
+  void transforms_only() {
+    for (std::size_t i = 0; i < layout_.tiles(); ++i) {
+      tile_.forward();
+      tile_.backward();
+    }
+    coarse_.forward();
+    coarse_.backward();
+  }
+
+ private:
+  void add_tile(std::span<const float> source, std::span<float> out, int x0, int y0) {
+    for (int y = 0; y < kTile; ++y) {
+      double* row = tile_.row(y);
+      const int from_y = y0 + y - kMargin;
+      const int begin = std::max(0, kMargin - x0), end = std::min(kTile, layout_.width - x0 + kMargin);
+      std::fill(row, row + kTile, 0.0);
+      if (from_y < 0 || from_y >= layout_.height) continue;
+      const float* from = &source[static_cast<std::size_t>(from_y) * static_cast<std::size_t>(layout_.width)];
+      for (int x = begin; x < end; ++x) row[x] = static_cast<double>(from[x0 + x - kMargin]);
+    }
+    tile_.forward();
+    tile_.multiply(inner_);
+    tile_.backward();
+    for (int y = 0; y < std::min(kValid, layout_.height - y0); ++y) {
+      const double* row = tile_.row(y + kMargin);
+      float* to = &out[static_cast<std::size_t>(y0 + y) * static_cast<std::size_t>(layout_.width)];
+      for (int x = 0; x < std::min(kValid, layout_.width - x0); ++x)
+        to[x0 + x] += static_cast<float>(row[x + kMargin]);
+    }
+  }
+
+  // Light is shared out among the four nearest coarse pixels, which keeps its centre of gravity; the smooth
+  // result is read back the same way.
+  void add_coarse(std::span<const float> source, std::span<float> out) {
+    coarse_.clear();
+    std::vector<CoarsePosition> columns;
+    for (int x = 0; x < layout_.width; ++x) columns.push_back(on_coarse(x));
+    for (int y = 0; y < layout_.height; ++y) {
+      const CoarsePosition v = on_coarse(y);
+      double *upper = coarse_.row(v.cell), *lower = coarse_.row(v.cell + 1);
+      const float* from = &source[static_cast<std::size_t>(y) * static_cast<std::size_t>(layout_.width)];
+      for (int x = 0; x < layout_.width; ++x) {
+        const CoarsePosition& u = columns[static_cast<std::size_t>(x)];
+        const double value = static_cast<double>(from[x]), right = value * u.fraction, left = value - right;
+        upper[u.cell] += left * (1 - v.fraction);
+        upper[u.cell + 1] += right * (1 - v.fraction);
+        lower[u.cell] += left * v.fraction;
+        lower[u.cell + 1] += right * v.fraction;
+      }
+    }
+    coarse_.forward();
+    coarse_.multiply(outer_);
+    coarse_.backward();
+    for (int y = 0; y < layout_.height; ++y) {
+      const CoarsePosition v = on_coarse(y);
+      const double *upper = coarse_.row(v.cell), *lower = coarse_.row(v.cell + 1);
+      float* to = &out[static_cast<std::size_t>(y) * static_cast<std::size_t>(layout_.width)];
+      for (int x = 0; x < layout_.width; ++x) {
+        const CoarsePosition& u = columns[static_cast<std::size_t>(x)];
+        const double top = upper[u.cell] + u.fraction * (upper[u.cell + 1] - upper[u.cell]);
+        const double bottom = lower[u.cell] + u.fraction * (lower[u.cell + 1] - lower[u.cell]);
+        to[x] += static_cast<float>(top + v.fraction * (bottom - top));
+      }
+    }
+  }
+
+  Layout layout_;
+  Plane tile_, inner_, coarse_, outer_;
+};
+
+// Distances that stand for the picture's, even in ln R; one if all is equally far.
+std::vector<double> layer_distances(std::span<const float> depth_m, double distance_m, int layers) {
+  if (depth_m.empty()) return {distance_m};
+  const auto [low, high] = std::minmax_element(depth_m.begin(), depth_m.end());
+  if (!(*low > 0)) throw std::invalid_argument("render: depths must be positive");
+  if (layers < 2 || *high / *low < 1.0001f)
+    return {std::sqrt(static_cast<double>(*low) * static_cast<double>(*high))};
+  std::vector<double> result;
+  for (int i = 0; i < layers; ++i)
+    result.push_back(static_cast<double>(*low) *
+                     std::pow(static_cast<double>(*high) / static_cast<double>(*low), i / (layers - 1.0)));
+  return result;
+}
+
+// The part of the light that belongs to a layer: distances between two layers count for both.
+std::vector<float> light_of_layer(std::span<const float> clear, std::span<const float> depth_m,
+                                  const std::vector<double>& distances, std::size_t layer) {
+  const double step = std::log(distances[1] / distances[0]);
+  std::vector<float> light(clear.size());
+  for (std::size_t i = 0; i < clear.size(); ++i) {
+    const double position = std::log(static_cast<double>(depth_m[i]) / distances[0]) / step;
+    light[i] =
+        clear[i] * static_cast<float>(std::max(0.0, 1 - std::abs(position - static_cast<double>(layer))));
+  }
+  return light;
+}
+
+void check(std::span<const float> clear, int width, int height, std::span<const float> depth_m,
+           const RenderOptions& options, std::span<float> out) {
+  check(options.medium);
+  const auto size =
+      static_cast<std::size_t>(std::max(width, 0)) * static_cast<std::size_t>(std::max(height, 0));
+  if (size == 0 || clear.size() != size || out.size() != size || (!depth_m.empty() && depth_m.size() != size))
+    throw std::invalid_argument("render: pictures and depth map must have width*height pixels");
+  if (!(options.focal_length_px > 0)) throw std::invalid_argument("render: focal_length_px must be positive");
+  if (options.depth_layers < 1) throw std::invalid_argument("render: depth_layers must be at least 1");
+}
+
+}  // namespace
+
+GlowKernel::GlowKernel(const RenderOptions& options, double distance_m)
+    : focal_(options.focal_length_px),
+      transmission_(std::exp(-options.medium.extinction_per_m * distance_m)),
+      first_log_(0),
+      step_(0) {
+  const double thickness = options.medium.extinction_per_m * distance_m;
+  const GlowTable& table = default_glow_table();
+  first_log_ = std::log(table.domain().theta_min_rad);
+  step_ = (std::log(table.domain().theta_max_rad) - first_log_) / static_cast<double>(kKernelSamples - 1);
+  std::vector<double> theta(kKernelSamples), single(kKernelSamples), multiple(kKernelSamples);
+  for (std::size_t i = 0; i < kKernelSamples; ++i)
+    theta[i] = std::exp(first_log_ + step_ * static_cast<double>(i));
+  table.parts(thickness, options.medium.q, options.medium.albedo, theta, single, multiple);
+  const double scale = 4 * kPi * thickness * thickness / (focal_ * focal_);
+  for (std::size_t i = 0; i < kKernelSamples; ++i)
+    log_value_.push_back(std::log(theta[i] * scale * (single[i] + (options.single_only ? 0 : multiple[i]))));
+}
+
+double GlowKernel::at(double offset_px) const {
+  const double theta = std::atan2(offset_px, focal_);
+  const double position =
+      std::clamp((std::log(theta) - first_log_) / step_, 0.0, static_cast<double>(kKernelSamples) - 1.0001);
+  const auto i = static_cast<std::size_t>(position);
+  const double value =
+      log_value_[i] + (position - static_cast<double>(i)) * (log_value_[i + 1] - log_value_[i]);
+  return std::exp(value) / theta;
+}
+
+double GlowKernel::pixel(double dx, double dy) const {
+  if (dx == 0 && dy == 0) {
+    // Polar about the lamp: at(r) r is smooth, and the pixel's edge lies at 0.5/cos φ within ±45°.
+    double sum = 0;
+    constexpr int turns = 16, steps = 16;
+    for (int k = 0; k < turns; ++k) {
+      const double edge = 0.5 / std::cos(kPi / 4 * (k + 0.5) / turns);
+      for (int i = 0; i < steps; ++i) {
+        const double r = edge * (i + 0.5) / steps;
+        sum += at(r) * r * edge / steps;
+      }
+    }
+    return sum * 2 * kPi / turns;
+  }
+  const double offset = std::hypot(dx, dy);
+  if (offset > 12) return at(offset);
+  const int fine = offset < 3 ? 16 : 4;
+  double sum = 0;
+  for (int i = 0; i < fine; ++i)
+    for (int k = 0; k < fine; ++k)
+      sum += at(std::hypot(dx + (i + 0.5) / fine - 0.5, dy + (k + 0.5) / fine - 0.5));
+  return sum / (fine * fine);
+}
+
+void render_glow(std::span<const float> clear, int width, int height, std::span<const float> depth_m,
+                 double distance_m, const RenderOptions& options, std::span<float> out,
+                 const std::function<void(std::size_t, std::size_t)>& progress) {
+  check(clear, width, height, depth_m, options, out);
+  const std::vector<double> distances = layer_distances(depth_m, distance_m, options.depth_layers);
+  for (const double distance : distances) GlowKernel(options, distance);  // refuses before any work is done
+  const auto airlight = static_cast<float>(options.airlight);
+  for (std::size_t i = 0; i < clear.size(); ++i) {
+    const double distance = depth_m.empty() ? distance_m : static_cast<double>(depth_m[i]);
+    const auto transmission = static_cast<float>(std::exp(-options.medium.extinction_per_m * distance));
+    out[i] = clear[i] * transmission + airlight * (1 - transmission);
+  }
+  Renderer renderer(width, height);
+  const std::size_t total = distances.size() * (renderer.layout().tiles() + 1);
+  std::size_t done = 0;
+  const auto tick = [&] {
+    if (progress) progress(++done, total);
+  };
+  for (std::size_t layer = 0; layer < distances.size(); ++layer) {
+    renderer.set_kernel(GlowKernel(options, distances[layer]));
+    if (distances.size() == 1)
+      renderer.add(clear, out, tick);
+    else
+      renderer.add(light_of_layer(clear, depth_m, distances, layer), out, tick);
+  }
+}
+
+void bare_transforms(int width, int height) {
+  Renderer(width, height).transforms_only();
+}
+
+}  // namespace lampglow::scattering

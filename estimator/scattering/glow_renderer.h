@@ -1,0 +1,58 @@
+// Puts fog's glow into a clear picture by convolution.
+//
+// Every pixel is taken as an even lamp at its distance R. What a clear picture shows as radiance L of a pixel
+// of solid angle Ω reaches the camera through fog as
+//   e^(-T) L                                (the direct beam, Bouguer)
+//   + Σ over pixels L' Ω 4πT² f(T, θ)       (its glow: f is the scattered radiance per unit flux in optical
+//   units)
+//   + A (1 - e^(-T))                        (airlight of the brightness A at the horizon, Koschmieder),
+// T = σR, θ = atan(distance in pixels / focal length). Pictures are linear; radiance in any unit.
+//
+// The kernel falls from 1/θ at the lamp to many degrees, so it is split smoothly: the sharp inner part runs
+// over tiles by overlap-save at full resolution, the wide rest on a picture four times coarser. Memory is
+// bounded by the picture itself plus some 10 MB of tiles and 1/8 of a padded picture for the rest.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "estimator/scattering/medium.h"
+
+namespace lampglow::scattering {
+
+struct RenderOptions {
+  Medium medium;
+  double focal_length_px = 0;  // > 0
+  bool single_only = false;    // single scattering instead of all orders
+  double airlight = 0;         // horizon brightness in the picture's unit
+  int depth_layers = 8;        // with a depth map: distances are interpolated between this many, even in ln R
+};
+
+// Relative to the clear picture's pixel value: glow per pixel of pixels `offset_px` away, for one distance.
+// The mean over the pixel where it is steep. θ below 0.01° follows the 1/θ of the exact integral.
+class GlowKernel {
+ public:
+  // Throws std::domain_error if T = σR is outside the glow table.
+  GlowKernel(const RenderOptions& options, double distance_m);
+  double at(double offset_px) const;
+  // Mean over the square pixel whose centre is (dx, dy) from the lamp's.
+  double pixel(double dx, double dy) const;
+  double transmission() const { return transmission_; }
+
+ private:
+  double focal_, transmission_, first_log_, step_;
+  std::vector<double> log_value_;  // ln(θ · glow) over ln θ
+};
+
+// clear, out: width*height, row by row; depth_m: the same or empty (then distance_m holds for all). Throws
+// std::invalid_argument for sizes, std::domain_error for distances outside the table. progress: done, total.
+void render_glow(std::span<const float> clear, int width, int height, std::span<const float> depth_m,
+                 double distance_m, const RenderOptions& options, std::span<float> out,
+                 const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+// The transforms that render_glow needs for one layer, and no more: forward and back for every tile and for
+// the coarse picture. What the render time is compared with.
+void bare_transforms(int width, int height);
+
+}  // namespace lampglow::scattering
