@@ -7,6 +7,7 @@ void add_commands(CLI::App& program) {
   add_check_config(program);
   add_simulate(program);
   add_glow(program);
+  add_render(program);
   add_glow_table(program);
   add_survey(program);
   add_version(program);

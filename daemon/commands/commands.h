@@ -12,9 +12,11 @@ void add_check_config(CLI::App& program);
 void add_glow(CLI::App& program);
 void add_glow_table(CLI::App& program);
 void add_man(CLI::App& program);
+void add_render(CLI::App& program);
 void add_replay(CLI::App& program);
 void add_simulate(CLI::App& program);
 void add_survey(CLI::App& program);
+void add_validate(CLI::App& program);
 void add_version(CLI::App& program);
 
 // All of the above, in the order in which the help shows them.
