@@ -11,6 +11,7 @@
 #include "daemon/commands/commands.h"
 #include "daemon/config/files.h"
 #include "daemon/errors.h"
+#include "estimator/quality.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -119,6 +120,18 @@ std::string bash_completion(const CLI::App& program) {
          "complete -o filenames -F _lampglow lampglow\n";
 }
 
+// docs/quality-flags.md: the registry as a table.
+std::string quality_flags_page() {
+  std::string text =
+      "# Quality flags\n\nWritten by `lampglow man --quality-flags` from `estimator/quality.cpp`, the one "
+      "registry that "
+      "the\nCSV, the database and the HTTP answers use. A flag's bit and name never change their meaning.\n\n"
+      "| bit | flag | meaning |\n|---|---|---|\n";
+  for (const QualityFlag& entry : quality_registry())
+    text += fmt::format("| {} | `{}` | {} |\n", static_cast<unsigned>(entry.flag), entry.name, entry.meaning);
+  return text;
+}
+
 void write_pages(const CLI::App& program, const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
   write_file_atomically(folder / "lampglow.1", program_page(program));
@@ -134,12 +147,16 @@ void add_man(CLI::App& program) {
   auto topic = std::make_shared<std::string>();
   auto folder = std::make_shared<std::string>();
   auto completion = std::make_shared<bool>(false);
+  auto flags = std::make_shared<bool>(false);
   command->add_option("COMMAND", *topic, "The command whose page is wanted");
   command->add_option("--directory", *folder, "Write all pages into this folder");
   command->add_flag("--completion", *completion, "Print the bash completion instead");
+  command->add_flag("--quality-flags", *flags, "Print the documentation of the quality flags instead");
   command->footer("Example:\n  lampglow man replay | man -l -");
-  command->callback([&program, topic, folder, completion] {
-    if (*completion) {
+  command->callback([&program, topic, folder, completion, flags] {
+    if (*flags) {
+      fmt::print("{}", quality_flags_page());
+    } else if (*completion) {
       fmt::print("{}", bash_completion(program));
     } else if (!folder->empty()) {
       write_pages(program, *folder);

@@ -108,7 +108,8 @@ Target read_target(ConfigTable& table, const Camera& camera, std::set<std::strin
     target.y_px = box->at(1);
     target.width_px = box->at(2);
     target.height_px = box->at(3);
-    if (target.width_px < 1 || target.height_px < 1 || target.x_px + target.width_px > across(camera.width_px).high ||
+    if (target.width_px < 1 || target.height_px < 1 ||
+        target.x_px + target.width_px > across(camera.width_px).high ||
         target.y_px + target.height_px > across(camera.height_px).high)
       table.problem("box_px",
                     "expected x, y, width, height of a box within the picture, at least 1 px wide and high");
