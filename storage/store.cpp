@@ -95,7 +95,9 @@ std::int64_t Store::Impl::lamp_number(CameraNumber camera, const std::string& na
   run("INSERT INTO lamp (camera_id, name) VALUES (?, ?) ON CONFLICT DO NOTHING", camera, name);
   SQLite::Statement& row = bound("SELECT id FROM lamp WHERE camera_id = ? AND name = ?", camera, name);
   row.executeStep();
-  return lamps[{camera, name}] = row.getColumn(0).getInt64();
+  lamps[{camera, name}] = row.getColumn(0).getInt64();
+  row.reset();  // a statement left on a row keeps a read open, and the checkpoint finds the tables locked
+  return lamps[{camera, name}];
 }
 
 // The catalogue as the camera's first frame after upsert_camera() finds it: an entry that differs from the
@@ -108,13 +110,14 @@ void Store::Impl::put_references(CameraNumber camera, std::int64_t time_ms) {
         "SELECT x_px, y_px, distance_m, distance_sigma_m FROM lamp_reference WHERE lamp_id = ? "
         "ORDER BY valid_from_ms DESC LIMIT 1",
         lamp);
-    if (last.executeStep()) {
+    bool same = last.executeStep();
+    if (same) {
       RowReader row(last);
-      if (row.real() == light.x_px && row.real() == light.y_px && row.maybe_real() == light.distance_m &&
-          row.maybe_real() == light.distance_sigma_m)
-        continue;
+      same = row.real() == light.x_px && row.real() == light.y_px && row.maybe_real() == light.distance_m &&
+             row.maybe_real() == light.distance_sigma_m;
     }
     last.reset();
+    if (same) continue;
     run("INSERT OR REPLACE INTO lamp_reference (lamp_id, valid_from_ms, x_px, y_px, distance_m, "
         "distance_sigma_m) "
         "VALUES (?, ?, ?, ?, ?, ?)",

@@ -12,7 +12,7 @@
 
 namespace lampglow::test {
 
-struct Run {
+struct ProgramRun {
   int exit_code = -1;
   std::string out, err;
 };
@@ -23,7 +23,7 @@ inline std::string shell_quoted(const std::string& text) {
   return quoted + "'";
 }
 
-inline Run run_program(const std::vector<std::string>& arguments) {
+inline ProgramRun run_program(const std::vector<std::string>& arguments) {
   const TemporaryFolder folder;
   std::string command = shell_quoted(LAMPGLOW_BINARY);
   for (const std::string& argument : arguments) command += " " + shell_quoted(argument);

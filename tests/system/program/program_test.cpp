@@ -16,8 +16,8 @@ namespace lampglow {
 namespace {
 
 using test::encoded;
+using test::ProgramRun;
 using test::read_all;
-using test::Run;
 using test::run_program;
 using test::small_picture;
 using test::small_site;
@@ -61,7 +61,7 @@ TEST(Program, BadUsageExits64WithAMessage) {
                                                     {"replay", "x", "--workers", "0"},
                                                     {"replay", "x", "--workers", "many"},
                                                     {"check-config"}}) {
-    const Run run = run_program(arguments);
+    const ProgramRun run = run_program(arguments);
     EXPECT_EQ(run.exit_code, 64);
     EXPECT_THAT(run.err, HasSubstr("--help"));
     EXPECT_EQ(run.out, "");
@@ -79,7 +79,7 @@ TEST(Program, EveryCommandHasHelpWithAnExampleAndAManPage) {
     ++commands;
     const std::string command = name.substr(9);
     EXPECT_THAT(help, HasSubstr("\n  " + command));
-    const Run run = run_program({command, "--help"});
+    const ProgramRun run = run_program({command, "--help"});
     EXPECT_EQ(run.exit_code, 0);
     EXPECT_THAT(run.out, testing::ContainsRegex("Examples?:\n  lampglow " + command)) << command;
     EXPECT_THAT(read_all(entry.path()), HasSubstr(".SH EXAMPLE")) << command;
@@ -100,7 +100,7 @@ TEST(Program, ABadSiteFileExits78WithEveryMistake) {
   site.replace(site.find("width_px"), 8, "widht_px");
   site.replace(site.find("\"linear\""), 8, "\"../curve.csv\"");
   const auto file = folder.write("site.toml", site);
-  const Run run = run_program({"check-config", file.string()});
+  const ProgramRun run = run_program({"check-config", file.string()});
   EXPECT_EQ(run.exit_code, 78);
   EXPECT_THAT(run.err,
               HasSubstr(file.string() + ":7:1: camera.widht_px: unknown key; did you mean width_px?"));
@@ -110,7 +110,7 @@ TEST(Program, ABadSiteFileExits78WithEveryMistake) {
 
 TEST(Program, ABadArchiveExits65) {
   const TemporaryFolder folder;
-  Run run = run_program({"replay", (folder.path() / "none").string()});
+  ProgramRun run = run_program({"replay", (folder.path() / "none").string()});
   EXPECT_EQ(run.exit_code, 65);
   EXPECT_THAT(run.err,
               HasSubstr("none: expected an archive, a folder with site.toml, frames.csv and images/"));
@@ -133,7 +133,7 @@ TEST(Program, BadFramesAreFlaggedRecordsAndTheRunGoesOn) {
   const TemporaryFolder folder;
   write_archive(folder, 8);
   const auto csv = folder.path() / "out.csv";
-  const Run run = run_program({"replay", folder.path().string(), "--csv", csv.string()});
+  const ProgramRun run = run_program({"replay", folder.path().string(), "--csv", csv.string()});
   EXPECT_EQ(run.exit_code, 0) << run.err;
   const auto lines = lines_of(read_all(csv));
   ASSERT_EQ(lines.size(), 9U);
@@ -153,8 +153,8 @@ TEST(Program, OneAndSeveralWorkersGiveTheSameBytes) {
   std::vector<std::string> csv, content;
   for (const std::string workers : {"1", "2", "4"}) {
     const auto table = folder.path() / (workers + ".csv"), database = folder.path() / (workers + ".db");
-    const Run run = run_program({"replay", folder.path().string(), "--workers", workers, "--csv",
-                                 table.string(), "--db", database.string()});
+    const ProgramRun run = run_program({"replay", folder.path().string(), "--workers", workers, "--csv",
+                                        table.string(), "--db", database.string()});
     ASSERT_EQ(run.exit_code, 0) << run.err;
     csv.push_back(read_all(table));
     content.push_back(storage::Reader(database).content());
@@ -170,7 +170,7 @@ TEST(Program, ScoresGoBesideTheCsvAndTheReportStandsAlone) {
   const TemporaryFolder folder;
   write_archive(folder, 8);
   folder.write("truth.csv", "time_utc,mor_m,role\n2026-01-01T00:07:00Z,500,x\n");
-  const Run run = run_program(
+  const ProgramRun run = run_program(
       {"replay", folder.path().string(), "--truth", (folder.path() / "truth.csv").string(), "--csv",
        (folder.path() / "out.csv").string(), "--report", (folder.path() / "out.html").string()});
   EXPECT_EQ(run.exit_code, 0) << run.err;
@@ -187,7 +187,7 @@ TEST(Program, ScoresGoBesideTheCsvAndTheReportStandsAlone) {
 TEST(Program, JsonIsAllThatIsPrinted) {
   const TemporaryFolder folder;
   write_archive(folder, 3);
-  const Run run = run_program({"replay", folder.path().string(), "--json"});
+  const ProgramRun run = run_program({"replay", folder.path().string(), "--json"});
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(run.out.front(), '{');
   EXPECT_EQ(run.out.substr(run.out.size() - 2), "}\n");
