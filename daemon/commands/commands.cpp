@@ -10,6 +10,7 @@ void add_commands(CLI::App& program) {
   add_render(program);
   add_glow_table(program);
   add_survey(program);
+  add_probe(program);
   add_version(program);
   add_man(program);
 }

@@ -17,6 +17,7 @@ void add_replay(CLI::App& program);
 void add_simulate(CLI::App& program);
 void add_survey(CLI::App& program);
 void add_validate(CLI::App& program);
+void add_probe(CLI::App& program);
 void add_version(CLI::App& program);
 
 // All of the above, in the order in which the help shows them.

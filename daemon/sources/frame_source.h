@@ -22,6 +22,7 @@ struct SourceInfo {
   std::string driver;                 // of the device or the server, as it names itself
   std::vector<std::string> formats;   // "YUYV 1280x720 30 fps"; the one in use first
   std::vector<std::string> controls;  // "exposure_time_absolute 1..5000 step 1, now 157"
+  std::optional<int> bit_depth{};     // of the samples; empty: as the picture file says
   std::optional<double> exposure_min_s{};
   std::optional<double> exposure_max_s{};
   std::optional<bool>

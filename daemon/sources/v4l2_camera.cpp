@@ -168,6 +168,7 @@ SourceInfo V4l2Camera::describe(std::stop_token) {
   open();
   SourceInfo info;
   info.driver = device_->driver();
+  info.bit_depth = device_->bit_depth();
   info.formats.push_back(device_->format_text() +
                          fmt::format(", {:.4g} frames/s", device_->frame_rate_hz().value_or(0)));
   for (const std::string& format : device_->list_formats()) info.formats.push_back(format);

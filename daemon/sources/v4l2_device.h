@@ -35,6 +35,7 @@ class V4l2Device {
   // The best format that we can read, or `fourcc` if not empty; the size asked for, or the largest.
   void choose_format(const std::string& fourcc, int width_px, int height_px);
   std::string format_text() const;
+  int bit_depth() const { return layout_.format->bits; }
   std::optional<double> frame_rate_hz() const;
   // Makes room for long exposures where the device lets us.
   void set_frame_interval(double at_least_s);
