@@ -225,7 +225,13 @@ void BadNetwork::accept_loop(std::stop_token stop) {
     if (::poll(&wait, 1, 20) <= 0) continue;
     const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
     if (client < 0) continue;
-    connections_.emplace_back([this, client](std::stop_token ended) { serve(client, ended); });
+    std::erase_if(connections_, [](const Connection& connection) { return connection.ended->load(); });
+    const auto ended = std::make_shared<std::atomic<bool>>(false);
+    connections_.push_back({std::jthread([this, client, ended](std::stop_token stopped) {
+                              serve(client, stopped);
+                              *ended = true;
+                            }),
+                            ended});
   }
 }
 

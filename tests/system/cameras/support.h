@@ -97,7 +97,11 @@ class BadNetwork {
   int listener_ = -1;
   std::atomic<int> delay_ms_{0}, bytes_per_s_{0}, corrupt_every_bytes_{0};
   std::atomic<long> cut_after_bytes_{-1}, stall_after_bytes_{-1};
-  std::vector<std::jthread> connections_;
+  struct Connection {
+    std::jthread thread;
+    std::shared_ptr<std::atomic<bool>> ended;
+  };
+  std::vector<Connection> connections_;
   std::jthread acceptor_;
 };
 
