@@ -9,6 +9,7 @@ void add_commands(CLI::App& program) {
   add_glow(program);
   add_render(program);
   add_glow_table(program);
+  add_validate(program);
   add_survey(program);
   add_probe(program);
   add_version(program);

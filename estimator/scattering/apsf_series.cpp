@@ -4,6 +4,7 @@
 #include <numbers>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 namespace lampglow::scattering {
 namespace {
@@ -42,21 +43,37 @@ int apsf_series_terms(double thickness, double q, double relative_error) {
 }
 
 GlowRadiance apsf_series(double thickness, double q, double theta_rad, double relative_error) {
+  GlowRadiance radiance;
+  apsf_series(thickness, q, {&theta_rad, 1}, {&radiance, 1}, relative_error);
+  return radiance;
+}
+
+void apsf_series(double thickness, double q, std::span<const double> theta_rad, std::span<GlowRadiance> out,
+                 double relative_error) {
   const int terms = apsf_series_terms(thickness, q, relative_error);
-  const double mu = std::cos(theta_rad);
-  GlowRadiance sum, here = term(0, thickness, q);
-  double polynomial = 1, before = 0;
+  std::vector<GlowRadiance> coefficients;  // g_m + g_(m+1)
+  GlowRadiance here = term(0, thickness, q);
   for (int m = 0; m < terms; ++m) {
     const GlowRadiance next = term(m + 1, thickness, q);
-    sum.value += (here.value + next.value) * polynomial;
-    sum.d_ln_thickness += (here.d_ln_thickness + next.d_ln_thickness) * polynomial;
-    sum.d_q += (here.d_q + next.d_q) * polynomial;
-    const double above = ((2 * m + 1) * mu * polynomial - m * before) / (m + 1);
-    before = polynomial;
-    polynomial = above;
+    coefficients.push_back(
+        {here.value + next.value, here.d_ln_thickness + next.d_ln_thickness, here.d_q + next.d_q});
     here = next;
   }
-  return sum;
+  for (std::size_t i = 0; i < theta_rad.size(); ++i) {
+    const double mu = std::cos(theta_rad[i]);
+    GlowRadiance sum;
+    double polynomial = 1, before = 0;
+    for (int m = 0; m < terms; ++m) {
+      const GlowRadiance& coefficient = coefficients[static_cast<std::size_t>(m)];
+      sum.value += coefficient.value * polynomial;
+      sum.d_ln_thickness += coefficient.d_ln_thickness * polynomial;
+      sum.d_q += coefficient.d_q * polynomial;
+      const double above = ((2 * m + 1) * mu * polynomial - m * before) / (m + 1);
+      before = polynomial;
+      polynomial = above;
+    }
+    out[i] = sum;
+  }
 }
 
 }  // namespace lampglow::scattering

@@ -24,6 +24,10 @@ inline constexpr double kApsfRelativeError = 1e-6;
 GlowRadiance apsf_series(double thickness, double q, double theta_rad,
                          double relative_error = kApsfRelativeError);
 
+// The same for many angles at once; the terms are computed once. All spans have the length of theta_rad.
+void apsf_series(double thickness, double q, std::span<const double> theta_rad, std::span<GlowRadiance> out,
+                 double relative_error = kApsfRelativeError);
+
 // The number of terms that this takes.
 int apsf_series_terms(double thickness, double q, double relative_error = kApsfRelativeError);
 

@@ -1,9 +1,11 @@
 #include "estimator/scattering/glow_model.h"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <numbers>
 #include <stdexcept>
+#include <vector>
 
 #include "estimator/scattering/apsf_series.h"
 #include "estimator/scattering/diffusion.h"
@@ -82,11 +84,16 @@ void glow_profile(GlowModel model, double thickness, double q, double albedo,
   }
   const std::string outside = outside_glow_model(model, thickness, q, albedo, theta_rad);
   if (!outside.empty()) throw std::domain_error(outside);
+  std::vector<GlowRadiance> radiances(theta_rad.size());
+  if (model == GlowModel::apsf_series)
+    apsf_series(thickness, q, theta_rad, radiances);
+  else
+    std::transform(theta_rad.begin(), theta_rad.end(), radiances.begin(), [&](double theta) {
+      return model == GlowModel::single ? single_scattering(thickness, q, albedo, theta)
+                                        : diffusion_radiance(thickness, q, albedo, theta);
+    });
   for (std::size_t i = 0; i < theta_rad.size(); ++i) {
-    const GlowRadiance radiance = model == GlowModel::apsf_series ? apsf_series(thickness, q, theta_rad[i])
-                                  : model == GlowModel::single
-                                      ? single_scattering(thickness, q, albedo, theta_rad[i])
-                                      : diffusion_radiance(thickness, q, albedo, theta_rad[i]);
+    const GlowRadiance& radiance = radiances[i];
     total[i] = radiance.value;
     d_ln_thickness[i] = radiance.d_ln_thickness;
     d_q[i] = radiance.d_q;

@@ -122,9 +122,8 @@ struct CoarsePosition {
 };
 
 CoarsePosition on_coarse(int pixel) {
-  const double position = (pixel + 0.5) / kCoarse + 0.5;
-  const int cell = static_cast<int>(position);
-  return {cell, position - cell};
+  const int eighths = 2 * pixel + 1 + kCoarse;  // of a coarse pixel
+  return {eighths / (2 * kCoarse), eighths % (2 * kCoarse) / (2.0 * kCoarse)};
 }
 
 class Renderer {
@@ -162,6 +161,8 @@ class Renderer {
   }
 
   void transforms_only() {
+    inner_.forward();
+    outer_.forward();
     for (std::size_t i = 0; i < layout_.tiles(); ++i) {
       tile_.forward();
       tile_.backward();
@@ -196,34 +197,68 @@ class Renderer {
   // result is read back the same way.
   void add_coarse(std::span<const float> source, std::span<float> out) {
     coarse_.clear();
-    std::vector<CoarsePosition> columns;
-    for (int x = 0; x < layout_.width; ++x) columns.push_back(on_coarse(x));
-    for (int y = 0; y < layout_.height; ++y) {
-      const CoarsePosition v = on_coarse(y);
-      double *upper = coarse_.row(v.cell), *lower = coarse_.row(v.cell + 1);
-      const float* from = &source[static_cast<std::size_t>(y) * static_cast<std::size_t>(layout_.width)];
-      for (int x = 0; x < layout_.width; ++x) {
-        const CoarsePosition& u = columns[static_cast<std::size_t>(x)];
-        const double value = static_cast<double>(from[x]), right = value * u.fraction, left = value - right;
-        upper[u.cell] += left * (1 - v.fraction);
-        upper[u.cell + 1] += right * (1 - v.fraction);
-        lower[u.cell] += left * v.fraction;
-        lower[u.cell + 1] += right * v.fraction;
-      }
-    }
+    gather(source);
     coarse_.forward();
     coarse_.multiply(outer_);
     coarse_.backward();
+    spread(out);
+  }
+
+  // First down the columns at full width, then along the row: most of the work is plain sums.
+  void gather(std::span<const float> source) {
+    const auto width = static_cast<std::size_t>(layout_.width);
+    std::vector<double> upper(width), lower(width);
+    int cell = 0;
+    const auto flush = [&] {
+      double* row = coarse_.row(cell);
+      for (int x = 0; x < layout_.width; ++x) {
+        const CoarsePosition u = on_coarse(x);
+        const double value = upper[static_cast<std::size_t>(x)];
+        row[u.cell] += value * (1 - u.fraction);
+        row[u.cell + 1] += value * u.fraction;
+      }
+      std::swap(upper, lower);
+      std::fill(lower.begin(), lower.end(), 0.0);
+      ++cell;
+    };
     for (int y = 0; y < layout_.height; ++y) {
       const CoarsePosition v = on_coarse(y);
-      const double *upper = coarse_.row(v.cell), *lower = coarse_.row(v.cell + 1);
-      float* to = &out[static_cast<std::size_t>(y) * static_cast<std::size_t>(layout_.width)];
-      for (int x = 0; x < layout_.width; ++x) {
-        const CoarsePosition& u = columns[static_cast<std::size_t>(x)];
-        const double top = upper[u.cell] + u.fraction * (upper[u.cell + 1] - upper[u.cell]);
-        const double bottom = lower[u.cell] + u.fraction * (lower[u.cell + 1] - lower[u.cell]);
-        to[x] += static_cast<float>(top + v.fraction * (bottom - top));
+      while (cell < v.cell) flush();
+      const float* from = &source[static_cast<std::size_t>(y) * width];
+      double *to_upper = upper.data(), *to_lower = lower.data();
+      for (std::size_t x = 0; x < width; ++x) {
+        const double value = static_cast<double>(from[x]), down = value * v.fraction;
+        to_upper[x] += value - down;
+        to_lower[x] += down;
       }
+    }
+    flush();
+    flush();
+  }
+
+  void spread(std::span<float> out) {
+    const auto width = static_cast<std::size_t>(layout_.width);
+    std::vector<float> upper(width), lower(width);
+    const auto read = [&](int cell, std::vector<float>& to) {
+      const double* row = coarse_.row(cell);
+      for (int x = 0; x < layout_.width; ++x) {
+        const CoarsePosition u = on_coarse(x);
+        to[static_cast<std::size_t>(x)] =
+            static_cast<float>(row[u.cell] + u.fraction * (row[u.cell + 1] - row[u.cell]));
+      }
+    };
+    int cell = -1;
+    for (int y = 0; y < layout_.height; ++y) {
+      const CoarsePosition v = on_coarse(y);
+      if (v.cell != cell) {
+        cell = v.cell;
+        read(cell, upper);
+        read(cell + 1, lower);
+      }
+      const auto down = static_cast<float>(v.fraction);
+      float* to = &out[static_cast<std::size_t>(y) * width];
+      const float *a = upper.data(), *b = lower.data();
+      for (std::size_t x = 0; x < width; ++x) to[x] += a[x] + down * (b[x] - a[x]);
     }
   }
 
@@ -330,9 +365,10 @@ void render_glow(std::span<const float> clear, int width, int height, std::span<
   const std::vector<double> distances = layer_distances(depth_m, distance_m, options.depth_layers);
   for (const double distance : distances) GlowKernel(options, distance);  // refuses before any work is done
   const auto airlight = static_cast<float>(options.airlight);
+  auto transmission = static_cast<float>(std::exp(-options.medium.extinction_per_m * distance_m));
   for (std::size_t i = 0; i < clear.size(); ++i) {
-    const double distance = depth_m.empty() ? distance_m : static_cast<double>(depth_m[i]);
-    const auto transmission = static_cast<float>(std::exp(-options.medium.extinction_per_m * distance));
+    if (!depth_m.empty())
+      transmission = std::exp(-static_cast<float>(options.medium.extinction_per_m) * depth_m[i]);
     out[i] = clear[i] * transmission + airlight * (1 - transmission);
   }
   Renderer renderer(width, height);
