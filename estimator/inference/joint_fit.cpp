@@ -230,10 +230,10 @@ std::vector<Start> starts(const Scene& scene, const HaloModel& halo, const RingD
   std::vector<Start> best;
   for (Start& s : all) {
     const bool near = std::any_of(best.begin(), best.end(), [&](const Start& b) {
-      return std::abs(b.parameters[Layout::ln_sigma] - s.parameters[Layout::ln_sigma]) < 0.8;
+      return std::abs(b.parameters[Layout::ln_sigma] - s.parameters[Layout::ln_sigma]) < 0.6;
     });
     if (!near) best.push_back(std::move(s));
-    if (best.size() == 3) break;
+    if (best.size() == 4) break;
   }
   return best;
 }
@@ -273,6 +273,7 @@ void walk(const Scene& scene, const FrameCost& cost, const RingData& data, const
     const Solved solved = solve(scene, cost, data, options, p, true, 6, max_q);
     p = solved.parameters;
     fit.posterior.push_back({x, solved.cost, p[Layout::q], 0});
+    if (solved.cost < fit.cost - 0.1) fit.deeper = p;
     if (solved.cost - fit.cost > kFarEnough) return;
     if (solved.cost - previous < 0.3) step *= 1.6;
     previous = solved.cost;
@@ -287,6 +288,29 @@ void add_posterior(const Scene& scene, const FrameCost& cost, const RingData& da
   walk(scene, cost, data, options, -step, max_q, fit);
   std::sort(fit.posterior.begin(), fit.posterior.end(),
             [](const PosteriorPoint& a, const PosteriorPoint& b) { return a.ln_sigma < b.ln_sigma; });
+}
+
+JointFit finish(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
+                const FrameCost& cost, double max_q, Solved best) {
+  JointFit fit;
+  fit.converged = best.converged;
+  fit.message = best.message;
+  fit.cost = best.cost;
+  fit.parameters = std::move(best.parameters);
+  add_covariance(scene, cost, data, options, fit);
+  Scene::Output output;
+  scene.evaluate(halo, fit.parameters, data.lit, data.sky_unit, output, false);
+  fit.model = output.model;
+  int count = 0;
+  for (size_t r = 0; r < scene.ring_count(); ++r) {
+    if (!data.used[r]) continue;
+    const double z = (fit.model[r] - data.value[r]) / data.sigma[r];
+    fit.chi2_per_ring += std::min(z * z, 100.0);
+    ++count;
+  }
+  if (count > 0) fit.chi2_per_ring /= count;
+  if (options.posterior) add_posterior(scene, cost, data, options, max_q, fit);
+  return fit;
 }
 
 }  // namespace
@@ -320,25 +344,14 @@ JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& 
     iterations += solved.iterations;
     if (solved.cost < best.cost) best = std::move(solved);
   }
-  JointFit fit;
-  fit.converged = best.converged;
-  fit.iterations = iterations;
-  fit.message = best.message;
-  fit.cost = best.cost;
-  fit.parameters = std::move(best.parameters);
-  add_covariance(scene, cost, data, options, fit);
-  Scene::Output output;
-  scene.evaluate(halo, fit.parameters, data.lit, data.sky_unit, output, false);
-  fit.model = output.model;
-  int count = 0;
-  for (size_t r = 0; r < scene.ring_count(); ++r) {
-    if (!data.used[r]) continue;
-    const double z = (fit.model[r] - data.value[r]) / data.sigma[r];
-    fit.chi2_per_ring += std::min(z * z, 100.0);
-    ++count;
+  JointFit fit = finish(scene, halo, data, options, cost, max_q, std::move(best));
+  // The walk along ln σ may come upon a deeper minimum: then the fit starts anew from there, once.
+  if (!fit.deeper.empty()) {
+    Solved again = solve(scene, cost, data, options, fit.deeper, false, options.max_iterations, max_q);
+    iterations += again.iterations;
+    if (again.cost < fit.cost) fit = finish(scene, halo, data, options, cost, max_q, std::move(again));
   }
-  if (count > 0) fit.chi2_per_ring /= count;
-  if (options.posterior) add_posterior(scene, cost, data, options, max_q, fit);
+  fit.iterations = iterations;
   return fit;
 }
 

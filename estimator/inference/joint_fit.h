@@ -53,6 +53,7 @@ struct JointFit {
   std::vector<double> model;       // of every ring
   double chi2_per_ring = 0;
   std::vector<PosteriorPoint> posterior;  // ordered by ln_sigma; includes the best
+  std::vector<double> deeper;             // parameters of a point of the walk that beats the best; else empty
   double ln_sigma() const { return parameters[Layout::ln_sigma]; }
 };
 

@@ -166,7 +166,8 @@ RingData ring_data(const photometry::RadianceImage& image, const photometry::Reg
     for (size_t k = 0; k < per_lamp; ++k) {
       const auto& ring = means[first + k];
       const bool steep = k > 0 && map.edges_rad[k] < 1.5 * map.edges_rad[1];
-      const double of_light = steep ? errors.steep : errors.of_light;
+      const bool doubtful_core = k == 0 && image.relative;
+      const double of_light = steep ? errors.steep : doubtful_core ? errors.relative_core : errors.of_light;
       data.value.push_back(ring.mean);
       data.used.push_back(ring.pixels > 0 && std::isfinite(ring.variance));
       data.sigma.push_back(std::sqrt(std::max(ring.variance, 0.0)) + 0.0);
@@ -220,6 +221,7 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
     const double usual = std::max(options.lamp_rel_sigma, scatter_of(frames, j));
     const double clear_thickness = extinction * lamps[j].distance_m.value_or(options.stray_distance_m);
     lamps[j].ln_strength = learned.ln_strength[j];
+    lamps[j].core_seen = mean.used[j * static_cast<size_t>(options.rings.rings)] != 0;
     lamps[j].ln_strength_sigma =
         std::hypot(usual, std::min(learned.ln_strength_sigma[j], 1.0), clear_thickness * extinction_ln_sigma);
     reference.lamps.push_back({lamps[j].id, lamps[j].x_px, lamps[j].y_px, std::exp(lamps[j].ln_strength),

@@ -74,7 +74,9 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
 struct RingErrors {
   double of_light = 0.02;  // relative, of what the ring has above the sky
   double of_sky = 0.002;   // relative, of the whole
-  double steep = 0.08;     // instead of of_light within 1.5 core radii, where the core's skirt is steep
+  double relative_core =
+      0.1;  // instead of of_light for the cores of one 8-bit exposure: nearly saturated, compressed
+  double steep = 0.08;  // instead of of_light within 1.5 core radii, where the core's skirt is steep
 };
 RingData ring_data(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
                    const photometry::RingMap& map, std::span<const photometry::DetectedLight> foreign,

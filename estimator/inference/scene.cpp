@@ -95,6 +95,7 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
   core_area_px_ = std::numbers::pi * map.edges_rad[1] * map.edges_rad[1] / axis_pixel_sr_;
   for (const auto& ring : map.rings) {
     owner_.push_back(ring.lamp);
+    is_core_.push_back(ring.theta_low_rad == 0);
     ring_x_.push_back(2.0 * ring.mean_x_px / camera.width_px - 1.0);
     ring_y_.push_back((2.0 * ring.mean_y_px - camera.height_px) / camera.width_px);
   }
@@ -205,8 +206,9 @@ void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span
     term.thickness =
         std::exp(p[Layout::ln_sigma] + p[at.ln_distance(j)]) * lamps_[j].distance_m.value_or(1.0);
     term.beam = strength * std::exp(-std::min(term.thickness, 700.0));
-    term.halo_scale = strength * kappa * std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 *
-                      std::numbers::pi * solid_angle_[j];
+    term.halo_scale = strength * (lamps_[j].core_seen ? 1.0 : kappa) *
+                      std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 * std::numbers::pi *
+                      solid_angle_[j];
     glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], node_theta_, glow);
     const auto through_lens = [&](const std::vector<double>& in, bool only_shape) {
       for (size_t n = 0; n < kNodes; ++n)
@@ -232,14 +234,16 @@ void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span
     for (size_t j = 0; j < lamps_.size(); ++j) {
       if (!lit[j]) continue;
       const LampTerms& term = terms[j];
-      const double beam = term.beam * direct(r, j);
+      const bool by_glare = !lamps_[j].core_seen;
+      const bool core = by_glare && is_core_[r] && own == j;
+      const double beam = term.beam * direct(r, j) * (core ? kappa : 1.0);
       const double scattered = average(r, j, term.halo);
       light += beam + scattered;
       if (!row) continue;
       const double d_thickness = average(r, j, term.d_ln_thickness) - term.thickness * beam;
       row[Layout::ln_sigma] += d_thickness;
       row[Layout::q] += average(r, j, term.d_q);
-      row[Layout::ln_kappa] += scattered;
+      if (by_glare) row[Layout::ln_kappa] += scattered + (core ? beam : 0.0);
       row[Layout::emission] += average(r, j, term.shape);
       row[at.ln_strength(j)] = beam + scattered;
       row[at.ln_halo(j)] = scattered;

@@ -55,6 +55,7 @@ struct SceneLamp {
   double ln_strength_sigma = 0.06;
   double ln_halo = 0, ln_halo_sigma = 0.05;
   bool catalogued = true;
+  bool core_seen = true;  // false: its core was saturated in the reference, A_j is known by its glare alone
 };
 
 // The air and everything else that may differ from the reference, as the fit sees it.
@@ -110,6 +111,7 @@ class Scene {
   PointSpread spread_;
   size_t rings_ = 0;
   std::vector<int> owner_;
+  std::vector<char> is_core_;            // the innermost ring of its lamp
   std::vector<double> ring_x_, ring_y_;  // mean position in half picture widths from the middle
   std::vector<double> node_theta_, emission_shape_;
   std::vector<double> solid_angle_;  // of a pixel at each lamp

@@ -13,6 +13,8 @@ namespace {
 constexpr size_t kSpreadNodes = 30;
 constexpr double kLastSpreadRad = 16.0 * std::numbers::pi / 180.0;
 constexpr double kTail = 2.5;
+constexpr double kEnoughCores =
+    0.6;  // with fewer of the lamps unsaturated, the core's share of the light is a guess
 constexpr double kUnknownDistance_m = 400;
 
 // Parameters: ln core fraction, ln density at the nodes, ln strength and sky of every lamp.
@@ -248,10 +250,12 @@ std::vector<double> SpreadCost::start() const {
   return p;
 }
 
-bool any_core(const photometry::RingMap& map, const RingData& data) {
-  for (size_t r = 0; r < map.rings.size(); r += static_cast<size_t>(map.options.rings))
-    if (data.used[r]) return true;
-  return false;
+// Part of the lamps whose core is unsaturated.
+double cores_seen(const photometry::RingMap& map, const RingData& data) {
+  const auto per_lamp = static_cast<size_t>(map.options.rings);
+  double seen = 0;
+  for (size_t r = 0; r < map.rings.size(); r += per_lamp) seen += data.used[r] ? 1 : 0;
+  return map.rings.empty() ? 0 : seen * static_cast<double>(per_lamp) / static_cast<double>(map.rings.size());
 }
 
 }  // namespace
@@ -260,7 +264,7 @@ LearnedSpread learn_spread(const Camera& camera, const photometry::RingMap& map,
                            std::span<const SceneLamp> lamps, const HaloModel& halo, const RingData& data,
                            double extinction_per_m, const SpreadOptions& given) {
   LearnedSpread learned;
-  learned.core_seen = any_core(map, data);
+  learned.core_seen = cores_seen(map, data) > kEnoughCores;
   SpreadOptions options = given;
   if (learned.core_seen) options.core_fraction_ln_sigma = 1.0;
   SpreadCost cost(camera, map, lamps, halo, data, extinction_per_m, options);
@@ -299,7 +303,7 @@ LearnedSpread learn_spread(const Camera& camera, const photometry::RingMap& map,
     learned.ln_strength_sigma.push_back(std::sqrt(variance(at.strength(j))));
     learned.sky.push_back(p[at.sky(j)] * data.sky_unit);
   }
-  learned.spread.core_ln_sigma = learned.core_seen ? 0.03 : 0.7;
+  learned.spread.core_ln_sigma = learned.core_seen ? 0.03 : 0.5;
   int count = 0;
   for (size_t r = 0; r < map.rings.size(); ++r) {
     learned.model.push_back(cost.ring_model(p.data(), r, nullptr));

@@ -17,8 +17,8 @@ struct SpreadOptions {
   double clear_q = 0.6;       // the clear night's own faint halo is taken off with this q
   double smoothness =
       0.35;  // one standard deviation of the change of slope d ln p / d ln θ from node to node
-  double core_fraction = 0.93;  // prior for cameras that saturate in every lamp, and
-  double core_fraction_ln_sigma = 0.08;
+  double core_fraction = 0.95;  // prior for cameras that saturate in every lamp, and
+  double core_fraction_ln_sigma = 0.03;
   double ring_error = 0.02;  // of a ring, relative to the lamp's own light
 };
 
@@ -27,7 +27,7 @@ struct LearnedSpread {
   std::vector<double> ln_strength;        // of every lamp, in clear air
   std::vector<double> ln_strength_sigma;  // of the fit alone
   std::vector<double> sky;                // background at every lamp, radiance
-  bool core_seen = false;                 // at least one lamp's core was unsaturated
+  bool core_seen = false;                 // most lamps' cores were unsaturated
   double chi2_per_ring = 0;
   std::vector<double> model;  // of every ring
 };
