@@ -2,6 +2,8 @@
 
 #include <exception>
 
+#include "estimator/inference/sun.h"
+
 namespace lampglow {
 namespace {
 
@@ -21,6 +23,20 @@ std::string obstacle(const Bracket& bracket, const Site& site, const std::option
   }
   if (!reference) return "no clear reference shows the catalogue's lamps";
   return {};
+}
+
+// Where lamps can't be measured, what `calibrate` learned of the night's patches, in the dark.
+bool measured_by_patches(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
+                         const EstimatorOptions& options, FrameResult& result) {
+  constexpr double kDark_deg = -6;
+  if (!site.night || image.empty()) return false;
+  if (site.latitude_deg && site.longitude_deg &&
+      inference::sun_position(bracket.time_utc, *site.latitude_deg, *site.longitude_deg).altitude_deg >
+          kDark_deg)
+    return false;
+  inference::measure_patches(image, site.camera, *site.night, options.relative_humidity, options.patches,
+                             result);
+  return true;
 }
 
 }  // namespace
@@ -54,9 +70,13 @@ FrameResult estimate(const Bracket& bracket, const Site& site, const std::option
   observation.time_utc = bracket.time_utc;
   observation.quality = bracket.quality;
   result.reason = obstacle(bracket, site, reference, observation.quality);
-  if (!result.reason.empty()) return result;
+  if (!result.reason.empty() && !site.night) return result;
   try {
     const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (!result.reason.empty()) {
+      measured_by_patches(bracket, image, site, options, result);
+      return result;
+    }
     observation.quality.set(image.quality);
     result.reason = image.empty() ? image.fault : std::string();
     if (image.empty()) return result;

@@ -6,6 +6,7 @@
 
 #include "estimator/inference/halo_models.h"
 #include "estimator/inference/night.h"
+#include "estimator/inference/patches.h"
 #include "estimator/inference/reference.h"
 #include "estimator/observation.h"
 #include "estimator/photometry/exposure.h"
@@ -22,6 +23,7 @@ struct EstimatorOptions {
   photometry::RegistrationOptions registration;
   inference::ReferenceOptions reference;
   inference::NightOptions night;
+  inference::PatchOptions patches;
 };
 
 // The clear reference from one or several clear brackets; empty if none of them shows a lamp of the

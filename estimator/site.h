@@ -27,6 +27,17 @@ struct Target {
   std::optional<double> distance_sigma_m;
 };
 
+// What `calibrate` learned of the night where lamps' distances, angle of view and exposure are unknown: how
+// ln σ follows from the brightness of the picture's patches (inference/patches.h). Row by row; all three
+// lists of one length.
+struct NightCalibration {
+  int patch_px = 32;
+  double log_extinction_mean = 0;
+  double log_extinction_sigma = 0;                         // error that cross-validation found, > 0
+  double log_extinction_low = 0, log_extinction_high = 0;  // the range it was learned from
+  std::vector<double> mean, scale, weight;
+};
+
 struct Site {
   std::string name;
   std::optional<double> latitude_deg;   // north positive
@@ -35,6 +46,7 @@ struct Site {
   Camera camera;
   std::vector<Light> lights;
   std::vector<Target> targets;
+  std::optional<NightCalibration> night;
 };
 
 }  // namespace lampglow

@@ -119,6 +119,26 @@ Target read_target(ConfigTable& table, const Camera& camera, std::set<std::strin
   return target;
 }
 
+// What `calibrate` learned of the night's patches; three lists of one length.
+NightCalibration read_night(ConfigTable table) {
+  NightCalibration night;
+  night.patch_px = static_cast<int>(table.required_integer("patch_px", 4, 1024));
+  night.log_extinction_mean = table.required_number("log_extinction_mean");
+  night.log_extinction_sigma = table.required_number("log_extinction_sigma", kPositive);
+  night.log_extinction_low = table.required_number("log_extinction_low");
+  night.log_extinction_high = table.required_number("log_extinction_high");
+  for (const auto& [key, list] : {std::pair{"mean", &night.mean}, std::pair{"scale", &night.scale},
+                                  std::pair{"weight", &night.weight}}) {
+    if (const auto numbers = table.numbers(key, 0))
+      *list = *numbers;
+    else if (!table.has(key))
+      table.problem(key, "is missing; expected a list of numbers");
+  }
+  if (night.mean.size() != night.weight.size() || night.scale.size() != night.weight.size())
+    table.problem("weight", "expected as many numbers as in mean and scale");
+  return night;
+}
+
 std::string line(std::string_view key, double value) {
   return fmt::format("{} = {}\n", key, format_number(value));
 }
@@ -154,6 +174,22 @@ std::string format_camera(const Camera& camera, const std::string& response_file
   return text;
 }
 
+std::string format_list(std::string_view key, const std::vector<double>& numbers) {
+  std::string text = fmt::format("{} = [", key);
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    text += fmt::format("{}{:.6g}", i == 0 ? "" : i % 12 == 0 ? ",\n  " : ", ", numbers[i]);
+  return text + "]\n";
+}
+
+std::string format_night(const NightCalibration& night) {
+  return fmt::format("[night]\npatch_px = {}\n", night.patch_px) +
+         line("log_extinction_mean", night.log_extinction_mean) +
+         line("log_extinction_sigma", night.log_extinction_sigma) +
+         line("log_extinction_low", night.log_extinction_low) +
+         line("log_extinction_high", night.log_extinction_high) + format_list("mean", night.mean) +
+         format_list("scale", night.scale) + format_list("weight", night.weight);
+}
+
 }  // namespace
 
 Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) {
@@ -169,6 +205,7 @@ Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) 
     site.lights.push_back(read_light(table, site.camera, light_ids));
   for (ConfigTable& table : tables.tables("target"))
     site.targets.push_back(read_target(table, site.camera, target_ids));
+  if (const auto night = tables.table("night")) site.night = read_night(*night);
   return site;
 }
 
@@ -236,6 +273,7 @@ std::string format_site(const Site& site, const std::string& response_file) {
   text += line("latitude_deg", site.latitude_deg) + line("longitude_deg", site.longitude_deg) +
           line("elevation_m", site.elevation_m);
   text += "\n" + format_camera(site.camera, response_file);
+  if (site.night) text += "\n" + format_night(*site.night);
   for (const Light& light : site.lights) text += "\n" + format_light(light);
   for (const Target& target : site.targets) text += "\n" + format_target(target);
   return text;
