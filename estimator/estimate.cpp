@@ -39,6 +39,62 @@ bool measured_by_patches(const Bracket& bracket, const photometry::RadianceImage
   return true;
 }
 
+std::optional<inference::SunPosition> sun_at(const Bracket& bracket, const Site& site) {
+  if (!site.latitude_deg || !site.longitude_deg) return std::nullopt;
+  return inference::sun_position(bracket.time_utc, *site.latitude_deg, *site.longitude_deg);
+}
+
+std::optional<double> altitude_of(const std::optional<inference::SunPosition>& sun) {
+  return sun ? std::optional(sun->altitude_deg) : std::nullopt;
+}
+
+bool is_monochrome(const Bracket& bracket) {
+  for (const Exposure& exposure : bracket.exposures)
+    if (!exposure.monochrome) return false;
+  return true;
+}
+
+// The lamps' part: registration, and the joint fit of their halos.
+void estimate_night(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
+                    const std::optional<ClearReference>& reference, const EstimatorOptions& options,
+                    FrameResult& result) {
+  result.reason = obstacle(bracket, site, reference, result.observation.quality);
+  if (!result.reason.empty()) {
+    measured_by_patches(bracket, image, site, options, result);
+    return;
+  }
+  if (image.empty()) result.reason = image.fault;
+  if (image.empty()) return;
+  const photometry::RegisteredFrame registered =
+      photometry::register_frame(image, reference->catalogue, options.registration);
+  result.shift_x_px = registered.shift_x_px;
+  result.shift_y_px = registered.shift_y_px;
+  result.rotation_rad = registered.rotation_rad;
+  inference::measure_night(image, registered, site, *reference, *inference::halo_model(options.model),
+                           options.relative_humidity, options.night, result);
+}
+
+// Takes the day's part into the frame's result.
+void merge_day(const FrameResult& day, std::optional<double> altitude_deg, const EstimatorOptions& options,
+               FrameResult& result) {
+  const bool day_only =
+      !result.observation.extinction_per_m && inference::contrast_weight(altitude_deg, options.combine) > 0.5;
+  result.observation = inference::combine(result.observation, day.observation, altitude_deg, options.combine);
+  if (result.observation.extinction_per_m)
+    result.reason.clear();
+  else if (day_only || result.reason.empty())
+    result.reason = day.reason;
+}
+
+void flag_light(const std::optional<inference::SunPosition>& sun, const EstimatorOptions& options,
+                Observation& observation) {
+  if (!sun) return;
+  if (inference::glow_weight(sun->altitude_deg, options.combine) <= 0)
+    observation.quality.set(Quality::daylight);
+  else if (sun->altitude_deg > -6)
+    observation.quality.set(Quality::twilight);
+}
+
 }  // namespace
 
 std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
@@ -47,6 +103,8 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
   std::vector<photometry::CatalogueLamp> catalogue = photometry::catalogue_of(site);
   if (catalogue.empty()) return std::nullopt;
   for (const Bracket& bracket : clear) {
+    if (const auto sun = sun_at(bracket, site); sun && sun->altitude_deg > options.combine.glow_full_deg)
+      continue;  // lamps are no yardstick in daylight
     photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
     if (image.empty()) continue;
     auto registered = photometry::register_frame(image, catalogue, options.registration);
@@ -66,29 +124,27 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
                      const EstimatorOptions& options) {
   FrameResult result;
-  Observation& observation = result.observation;
-  observation.time_utc = bracket.time_utc;
-  observation.quality = bracket.quality;
-  result.reason = obstacle(bracket, site, reference, observation.quality);
-  if (!result.reason.empty() && !site.night) return result;
+  result.observation.time_utc = bracket.time_utc;
+  result.observation.quality = bracket.quality;
   try {
     const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
-    if (!result.reason.empty()) {
-      measured_by_patches(bracket, image, site, options, result);
-      return result;
+    result.observation.quality.set(image.quality);
+    const std::optional<inference::SunPosition> sun = sun_at(bracket, site);
+    // In daylight lamps are off or drowned; in the dark there is no contrast to see.
+    const bool lamps = inference::glow_weight(altitude_of(sun), options.combine) > 0;
+    const bool targets =
+        inference::contrast_weight(altitude_of(sun), options.combine) > 0 && !(lamps && site.targets.empty());
+    if (lamps) estimate_night(bracket, image, site, reference, options, result);
+    if (targets) {
+      FrameResult day;
+      day.observation.time_utc = bracket.time_utc;
+      inference::measure_day(image, site, sun, is_monochrome(bracket), options.relative_humidity, options.day,
+                             day);
+      merge_day(day, altitude_of(sun), options, result);
     }
-    observation.quality.set(image.quality);
-    result.reason = image.empty() ? image.fault : std::string();
-    if (image.empty()) return result;
-    const photometry::RegisteredFrame registered =
-        photometry::register_frame(image, reference->catalogue, options.registration);
-    result.shift_x_px = registered.shift_x_px;
-    result.shift_y_px = registered.shift_y_px;
-    result.rotation_rad = registered.rotation_rad;
-    inference::measure_night(image, registered, site, *reference, *inference::halo_model(options.model),
-                             options.relative_humidity, options.night, result);
+    flag_light(sun, options, result.observation);
   } catch (const std::exception& error) {
-    observation.quality.set(Quality::internal_error);
+    result.observation.quality.set(Quality::internal_error);
     result.reason = std::string("internal error: ") + error.what();
   }
   return result;

@@ -4,6 +4,8 @@
 #include <optional>
 #include <span>
 
+#include "estimator/inference/combine.h"
+#include "estimator/inference/contrast_day.h"
 #include "estimator/inference/halo_models.h"
 #include "estimator/inference/night.h"
 #include "estimator/inference/patches.h"
@@ -24,6 +26,8 @@ struct EstimatorOptions {
   inference::ReferenceOptions reference;
   inference::NightOptions night;
   inference::PatchOptions patches;
+  inference::DayOptions day;
+  inference::CombineOptions combine;
 };
 
 // The clear reference from one or several clear brackets; empty if none of them shows a lamp of the

@@ -1,6 +1,7 @@
 // Where a camera stands and what it sees: the site file's content ([site], [camera], [[light]], [[target]]).
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,12 +20,33 @@ struct Light {
   std::optional<double> distance_sigma_m;  // empty: distance is known exactly
 };
 
-// A dark object for the day.
+// How a target's texture stands out in clear air, as `calibrate` learned it. Contrast is the root mean square
+// luminance gradient within the box over the horizon sky, both linear.
+struct TargetContrast {
+  double log_contrast = 0;        // ln of it, freed of haze, in the middle of the lighting it was learned in
+  double log_contrast_sigma = 0;  // what is left unexplained from frame to frame, > 0
+  double log_floor = -10;         // ln of what stays in the thickest fog (dirt on the window) over it
+  std::array<double, 2> lighting{};  // change of ln contrast with the frame's two common lighting factors
+};
+
+// A dark or textured object for the day.
 struct Target {
   std::string id;
   double x_px = 0, y_px = 0, width_px = 0, height_px = 0;  // its box
   std::optional<double> distance_m;
   std::optional<double> distance_sigma_m;
+  std::optional<double> brightness_ratio;  // own brightness over the horizon sky's, 0..1; learned
+  std::optional<double> brightness_ratio_sigma;
+  std::optional<TargetContrast> contrast;
+};
+
+// What `calibrate` learned about the day as a whole.
+struct DayCalibration {
+  double sky_x_px = 0, sky_y_px = 0, sky_width_px = 0,
+         sky_height_px = 0;         // horizon sky, where contrast is measured against
+  double log_extinction_sigma = 0;  // error of ln extinction that cross-validation found
+  double independent_targets = 1;   // how many targets err independently of each other
+  bool colour = false;  // learned from colour pictures: the camera's monochrome night mode is another camera
 };
 
 // What `calibrate` learned of the night where lamps' distances, angle of view and exposure are unknown: how
@@ -47,6 +69,7 @@ struct Site {
   std::vector<Light> lights;
   std::vector<Target> targets;
   std::optional<NightCalibration> night;
+  std::optional<DayCalibration> day;
 };
 
 }  // namespace lampglow

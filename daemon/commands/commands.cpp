@@ -12,6 +12,7 @@ void add_commands(CLI::App& program) {
   add_validate(program);
   add_survey(program);
   add_probe(program);
+  add_calibrate(program);
   add_version(program);
   add_man(program);
 }

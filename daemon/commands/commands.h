@@ -15,6 +15,7 @@ void add_man(CLI::App& program);
 void add_render(CLI::App& program);
 void add_replay(CLI::App& program);
 void add_simulate(CLI::App& program);
+void add_calibrate(CLI::App& program);
 void add_survey(CLI::App& program);
 void add_validate(CLI::App& program);
 void add_probe(CLI::App& program);

@@ -98,6 +98,22 @@ Light read_light(ConfigTable& table, const Camera& camera, std::set<std::string>
   return light;
 }
 
+// All keys of a learned contrast, or none of them.
+std::optional<TargetContrast> read_contrast(ConfigTable& table) {
+  const bool any = table.has("log_contrast") || table.has("log_contrast_sigma") || table.has("log_floor") ||
+                   table.has("lighting");
+  if (!any) return std::nullopt;
+  TargetContrast contrast;
+  contrast.log_contrast = table.required_number("log_contrast");
+  contrast.log_contrast_sigma = table.required_number("log_contrast_sigma", kPositive);
+  contrast.log_floor = table.required_number("log_floor");
+  if (const auto lighting = table.numbers("lighting", 2))
+    contrast.lighting = {lighting->at(0), lighting->at(1)};
+  else if (!table.has("lighting"))
+    table.problem("lighting", "is missing; expected a list of 2 numbers");
+  return contrast;
+}
+
 Target read_target(ConfigTable& table, const Camera& camera, std::set<std::string>& taken) {
   Target target;
   target.id = read_id(table, taken);
@@ -116,6 +132,9 @@ Target read_target(ConfigTable& table, const Camera& camera, std::set<std::strin
   }
   target.distance_m = table.number("distance_m", kPositive);
   target.distance_sigma_m = table.number("distance_sigma_m", kNotNegative);
+  target.brightness_ratio = table.number("brightness_ratio", {0, 1});
+  target.brightness_ratio_sigma = table.number("brightness_ratio_sigma", kPositive);
+  target.contrast = read_contrast(table);
   return target;
 }
 
@@ -137,6 +156,26 @@ NightCalibration read_night(ConfigTable table) {
   if (night.mean.size() != night.weight.size() || night.scale.size() != night.weight.size())
     table.problem("weight", "expected as many numbers as in mean and scale");
   return night;
+}
+
+DayCalibration read_day(ConfigTable table, const Camera& camera) {
+  DayCalibration day;
+  if (const auto box = table.numbers("sky_box_px", 4, kNotNegative)) {
+    day.sky_x_px = box->at(0);
+    day.sky_y_px = box->at(1);
+    day.sky_width_px = box->at(2);
+    day.sky_height_px = box->at(3);
+    if (day.sky_width_px < 1 || day.sky_height_px < 1 || day.sky_x_px + day.sky_width_px > camera.width_px ||
+        day.sky_y_px + day.sky_height_px > camera.height_px)
+      table.problem("sky_box_px",
+                    "expected x, y, width, height of a box within the picture, at least 1 px wide and high");
+  } else if (!table.has("sky_box_px")) {
+    table.problem("sky_box_px", "is missing; expected a list of 4 numbers: x, y, width, height");
+  }
+  day.log_extinction_sigma = table.required_number("log_extinction_sigma", kNotNegative);
+  day.independent_targets = table.required_number("independent_targets", kPositive);
+  day.colour = table.boolean("colour").value_or(false);
+  return day;
 }
 
 std::string line(std::string_view key, double value) {
@@ -190,6 +229,21 @@ std::string format_night(const NightCalibration& night) {
          format_list("scale", night.scale) + format_list("weight", night.weight);
 }
 
+std::string format_contrast(const TargetContrast& contrast) {
+  return line("log_contrast", contrast.log_contrast) +
+         line("log_contrast_sigma", contrast.log_contrast_sigma) + line("log_floor", contrast.log_floor) +
+         fmt::format("lighting = [{}, {}]\n", format_number(contrast.lighting[0]),
+                     format_number(contrast.lighting[1]));
+}
+
+std::string format_day(const DayCalibration& day) {
+  return fmt::format("[day]\nsky_box_px = [{}, {}, {}, {}]\n", format_number(day.sky_x_px),
+                     format_number(day.sky_y_px), format_number(day.sky_width_px),
+                     format_number(day.sky_height_px)) +
+         line("log_extinction_sigma", day.log_extinction_sigma) +
+         line("independent_targets", day.independent_targets) + fmt::format("colour = {}\n", day.colour);
+}
+
 }  // namespace
 
 Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) {
@@ -206,6 +260,7 @@ Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) 
   for (ConfigTable& table : tables.tables("target"))
     site.targets.push_back(read_target(table, site.camera, target_ids));
   if (const auto night = tables.table("night")) site.night = read_night(*night);
+  if (const auto day = tables.table("day")) site.day = read_day(*day, site.camera);
   return site;
 }
 
@@ -265,7 +320,10 @@ std::string format_target(const Target& target) {
   return "[[target]]\n" + fmt::format("id = {}\n", format_text(target.id)) +
          fmt::format("box_px = [{}, {}, {}, {}]\n", format_number(target.x_px), format_number(target.y_px),
                      format_number(target.width_px), format_number(target.height_px)) +
-         line("distance_m", target.distance_m) + line("distance_sigma_m", target.distance_sigma_m);
+         line("distance_m", target.distance_m) + line("distance_sigma_m", target.distance_sigma_m) +
+         line("brightness_ratio", target.brightness_ratio) +
+         line("brightness_ratio_sigma", target.brightness_ratio_sigma) +
+         (target.contrast ? format_contrast(*target.contrast) : "");
 }
 
 std::string format_site(const Site& site, const std::string& response_file) {
@@ -274,6 +332,7 @@ std::string format_site(const Site& site, const std::string& response_file) {
           line("elevation_m", site.elevation_m);
   text += "\n" + format_camera(site.camera, response_file);
   if (site.night) text += "\n" + format_night(*site.night);
+  if (site.day) text += "\n" + format_day(*site.day);
   for (const Light& light : site.lights) text += "\n" + format_light(light);
   for (const Target& target : site.targets) text += "\n" + format_target(target);
   return text;

@@ -18,7 +18,7 @@ Site read_site_file(const std::filesystem::path& path);
 // The same from a text. Measured curves are looked for in `folder`; a curve's path may not leave it.
 Site parse_site(std::string_view text, const std::string& name, const std::filesystem::path& folder);
 
-// The tables [site], [camera], [[light]] and [[target]] of a larger configuration.
+// The tables [site], [camera], [[light]], [[target]] and [day] of a larger configuration.
 Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder);
 
 // A measured response curve: CSV with the columns dn and relative_radiance, one row for each DN from 0 to
