@@ -38,10 +38,10 @@ Cell clipped_median(std::vector<float>& values, size_t least) {
   return cell;
 }
 
-Cell measure_cell(const RadianceImage& image, int left, int top, int mesh_px) {
+Cell measure_cell(const RadianceImage& image, int left, int top, int mesh_px, int samples) {
   const int right = std::min(left + mesh_px, image.radiance.width_px);
   const int bottom = std::min(top + mesh_px, image.radiance.height_px);
-  const int step = std::max(1, mesh_px / 16);  // at most some 256 pixels a cell: 6 % of sigma
+  const int step = std::max(1, mesh_px / samples);
   std::vector<float> values;
   double variance = 0;
   for (int y = top + step / 2; y < bottom; y += step) {
@@ -106,12 +106,13 @@ std::vector<Between> between_cells(int size_px, int mesh_px, int cells) {
 
 }  // namespace
 
-Background background_mesh(const RadianceImage& image, int mesh_px) {
+Background background_mesh(const RadianceImage& image, int mesh_px, int samples) {
   const int width = image.radiance.width_px, height = image.radiance.height_px;
   const int across = (width + mesh_px - 1) / mesh_px, down = (height + mesh_px - 1) / mesh_px;
   std::vector<Cell> cells;
   for (int j = 0; j < down; ++j)
-    for (int i = 0; i < across; ++i) cells.push_back(measure_cell(image, i * mesh_px, j * mesh_px, mesh_px));
+    for (int i = 0; i < across; ++i)
+      cells.push_back(measure_cell(image, i * mesh_px, j * mesh_px, mesh_px, samples));
   cells = median_filter(cells, across, down);
 
   Background background{Image<float>(width, height), Image<float>(width, height)};

@@ -50,7 +50,8 @@ RadianceImage binned(const RadianceImage& image, int binning) {
 // The picture as signal to noise of a point source at each pixel: (I - background)/σ, matched with a
 // Gaussian.
 cv::Mat matched_filter(const RadianceImage& image, const DetectionOptions& options, double psf_sigma_px) {
-  Background background = background_mesh(image, std::max(8, options.mesh_px / options.binning));
+  Background background =
+      background_mesh(image, std::max(8, options.mesh_px / options.binning), options.mesh_samples);
   Image<float>& signal = background.level;  // reused
   const auto relative = static_cast<float>(options.relative_error);
   for (size_t i = 0; i < signal.pixels.size(); ++i) {
@@ -67,13 +68,13 @@ cv::Mat matched_filter(const RadianceImage& image, const DetectionOptions& optio
 
 // Compression and structure make noise that is not white, and the matched filter's output is then rougher
 // than 1: divides by the scatter that it really has, cell by cell, where that is more.
-void normalise(cv::Mat& height, int cell_px) {
+void normalise(cv::Mat& height, int cell_px, int samples) {
   RadianceImage image;
   image.radiance = Image<float>(height.cols, height.rows);
   image.variance = Image<float>(height.cols, height.rows);
   image.mask = Image<std::uint8_t>(height.cols, height.rows);
   height.copyTo(view(image.radiance));
-  Image<float> scatter = background_mesh(image, cell_px).sigma;
+  Image<float> scatter = background_mesh(image, cell_px, samples).sigma;
   cv::Mat divisor = cv::max(view(scatter), 1.0F);
   height /= divisor;
 }
@@ -176,7 +177,7 @@ std::vector<DetectedLight> detect_lights(const RadianceImage& image, const Detec
   const double psf =
       std::max(0.7, std::sqrt(options.psf_sigma_px * options.psf_sigma_px / (binning * binning)));
   cv::Mat height = matched_filter(binning > 1 ? binned(image, binning) : image, options, psf);
-  normalise(height, std::max(8, options.mesh_px / binning));
+  normalise(height, std::max(16, 2 * options.mesh_px / binning), options.mesh_samples);
   std::vector<Peak> peaks = find_peaks(height, options);
   std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) { return a.height > b.height; });
 

@@ -27,6 +27,7 @@ struct DetectedLight {
 };
 
 struct DetectionOptions {
+  int mesh_samples = 16;       // along each side of a cell, at most; sigma is known to 1/sqrt(2)/this
   int mesh_px = 32;            // side of a background cell
   double psf_sigma_px = 1.2;   // of the matched filter
   double threshold_sigma = 6;  // on the matched filter
@@ -44,7 +45,7 @@ struct Background {
   Image<float> level;
   Image<float> sigma;  // one standard deviation of a pixel
 };
-Background background_mesh(const RadianceImage& image, int mesh_px);
+Background background_mesh(const RadianceImage& image, int mesh_px, int samples = 16);
 
 // All lights in the picture, brightest first. Hot and invalid pixels are left out; saturated ones count with
 // what they are clipped at.
