@@ -65,7 +65,7 @@ struct RegistrationOptions {
   double usual_rotation_rad = 0.002;
   double match_px = 2.5;    // a light farther than this from any lamp of the catalogue is a stray
   bool find_strays = true;  // false: only look near the catalogue's lamps (faster)
-  DetectionOptions detection{.mesh_samples = 8, .binning = 2};
+  DetectionOptions detection{.mesh_samples = 8, .threshold_sigma = 8, .binning = 2};
   CentroidOptions centroid{};
 };
 
