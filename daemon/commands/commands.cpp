@@ -13,6 +13,7 @@ void add_commands(CLI::App& program) {
   add_survey(program);
   add_probe(program);
   add_calibrate(program);
+  add_calibrate_response(program);
   add_version(program);
   add_man(program);
 }

@@ -8,6 +8,7 @@ class App;
 
 namespace lampglow::daemon {
 
+void add_calibrate_response(CLI::App& program);
 void add_check_config(CLI::App& program);
 void add_glow(CLI::App& program);
 void add_glow_table(CLI::App& program);

@@ -20,8 +20,8 @@ RowLook look_at_row(const Image<std::uint16_t>& pixels, int row, double black_dn
   RowLook look;
   look.median_dn = *middle;
   const auto same = std::count_if(dn.begin(), dn.end(),
-                                  [&](std::uint16_t value) { return value <= black_dn + 3.5 * step_dn; });
-  look.flat_black = look.median_dn <= black_dn + 1.5 * step_dn && same * 2 > pixels.width_px;
+                                  [&](std::uint16_t value) { return value <= black_dn + 6.5 * step_dn; });
+  look.flat_black = look.median_dn <= black_dn + 4.5 * step_dn && same * 2 > pixels.width_px;
   return look;
 }
 
@@ -34,7 +34,7 @@ int band(const Image<std::uint16_t>& pixels, int edge, int direction, double bla
   // The jump: the second and third row after the band are both clearly brighter.
   for (const int beyond : {1, 2}) {
     const RowLook look = look_at_row(pixels, edge + direction * (rows + beyond), black_dn, step_dn);
-    if (look.median_dn < black_dn + 8 * step_dn) return 0;
+    if (look.median_dn < black_dn + 12 * step_dn) return 0;
   }
   return rows + 1;
 }
