@@ -20,12 +20,12 @@ namespace {
 namespace scene = photometry::scene;
 using ::testing::HasSubstr;
 
-struct Run {
+struct Outcome {
   int exit_code = -1;
   std::string output;  // both streams
 };
 
-Run run(const std::string& arguments) {
+Outcome run(const std::string& arguments) {
   const test::TemporaryFolder folder;
   const std::string log = (folder.path() / "log").string();
   const int status =
@@ -61,7 +61,7 @@ TEST(SurveyCommand, WritesLightsThatTheSiteFileTakes) {
   }
   const auto site = folder.write("site.toml", kSite);
   const auto out = folder.path() / "lights.toml", picture = folder.path() / "lights.png";
-  const Run result = run("survey " + files + "--camera " + site.string() + " --out " + out.string() +
+  const Outcome result = run("survey " + files + "--camera " + site.string() + " --out " + out.string() +
                          " --annotated " + picture.string());
   ASSERT_EQ(result.exit_code, 0) << result.output;
 
@@ -86,11 +86,11 @@ TEST(SurveyCommand, ComplainsInWords) {
   write_png(file,
             scene::expose(Image<double>(100, 80, 30.0), scene::camera_12_bit(100, 80), 1, 0.269, 0.8, random),
             CV_16U);
-  const Run nothing = run("survey " + file.string());
+  const Outcome nothing = run("survey " + file.string());
   EXPECT_EQ(nothing.exit_code, 65);
   EXPECT_THAT(nothing.output, HasSubstr("no lamp found"));
   EXPECT_EQ(run("survey /nowhere.png").exit_code, 64);
-  const Run wrong_size =
+  const Outcome wrong_size =
       run("survey " + file.string() + " --camera " + folder.write("site.toml", kSite).string());
   EXPECT_EQ(wrong_size.exit_code, 65);
   EXPECT_THAT(wrong_size.output, HasSubstr("100x80 pixels, expected 240x160"));
@@ -112,7 +112,7 @@ TEST(CalibrateResponseCommand, WritesACurveThatTheSiteFileTakes) {
     inputs += file + "@" + time + " ";
   }
   const auto curve = folder.path() / "curve.csv";
-  const Run result = run("calibrate-response " + inputs + "--out " + curve.string());
+  const Outcome result = run("calibrate-response " + inputs + "--out " + curve.string());
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const std::vector<double> read = daemon::read_response_curve(curve, 8);
   ASSERT_EQ(read.size(), 256U);
@@ -122,7 +122,7 @@ TEST(CalibrateResponseCommand, WritesACurveThatTheSiteFileTakes) {
 }
 
 TEST(CalibrateResponseCommand, ComplainsInWords) {
-  const Run no_time = run("calibrate-response a.png b.png");
+  const Outcome no_time = run("calibrate-response a.png b.png");
   EXPECT_EQ(no_time.exit_code, 64);
   EXPECT_THAT(no_time.output, HasSubstr("FILE@SECONDS"));
   EXPECT_EQ(run("calibrate-response a.png@zero").exit_code, 64);
