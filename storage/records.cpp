@@ -32,6 +32,8 @@ std::string_view to_string(EventKind value) {
       return "fog_began";
     case EventKind::fog_ended:
       return "fog_ended";
+    case EventKind::database_recovered:
+      return "database_recovered";
   }
   return "unknown";
 }

@@ -57,6 +57,7 @@ enum class EventKind : int {
   retention = 12,
   fog_began = 13,
   fog_ended = 14,
+  database_recovered = 15,
 };
 enum class Severity : int { info = 1, warning = 2, error = 3 };
 std::string_view to_string(EventKind value);

@@ -83,6 +83,8 @@ struct Store::Impl {
 void Store::Impl::commit() {
   if (!transaction) return;
   for (const Period& period : dirty) renew_mean(period);
+  // A question that was not read to its end would keep a checkpoint from its lock.
+  for (auto& [sql, prepared] : statements) prepared->tryReset();
   transaction->commit();
   transaction.reset();
   dirty.clear();
@@ -297,6 +299,78 @@ void Store::checkpoint() {
   guarded(impl_->file, [&] {
     impl_->commit();
     SQLite::Statement pragma(impl_->database, "PRAGMA wal_checkpoint(TRUNCATE)");
+    while (pragma.executeStep()) {
+    }
+  });
+}
+
+namespace {
+
+struct Place {
+  const char* table;
+  const char* time;
+  const char* where;  // beside the camera and the time
+};
+
+Place place_of(Kept what) {
+  switch (what) {
+    case Kept::frames:
+      return {"frame", "time_ms", ""};
+    case Kept::observations:
+      return {"observation", "time_ms", ""};
+    case Kept::fits:
+      return {"lamp_fit", "time_ms", ""};
+    case Kept::ring_profiles:
+      return {"ring_profile", "time_ms", ""};
+    case Kept::one_minute:
+      return {"mean", "end_ms", " AND period_s = 60"};
+    case Kept::ten_minutes:
+      return {"mean", "end_ms", " AND period_s = 600"};
+    case Kept::hours:
+      return {"mean", "end_ms", " AND period_s = 3600"};
+    case Kept::events:
+      return {"event", "time_ms", ""};
+  }
+  return {"event", "time_ms", ""};
+}
+
+}  // namespace
+
+// Up to the time of the row that is max_rows behind the oldest: the key's order makes that a short scan.
+int Store::drop_before(Kept what, TimePoint before, int max_rows) {
+  return guarded(impl_->file, [&] {
+    const Place place = place_of(what);
+    const std::string time = place.time;
+    impl_->begin();
+    int dropped = 0;
+    if (what == Kept::events) {
+      impl_->run(
+          "DELETE FROM event WHERE id IN (SELECT id FROM event WHERE time_ms < ? ORDER BY time_ms LIMIT ?)",
+          to_ms(before), max_rows);
+      dropped = impl_->database.getChanges();
+    } else {
+      std::vector<std::int64_t> cameras;
+      SQLite::Statement& rows = impl_->statement("SELECT id FROM camera");
+      while (rows.executeStep()) cameras.push_back(rows.getColumn(0).getInt64());
+      rows.reset();
+      const std::string of_camera = std::string(" WHERE camera_id = ?1") + place.where;
+      for (const std::int64_t camera : cameras) {
+        impl_->run("DELETE FROM " + std::string(place.table) + of_camera + " AND " + time +
+                       " < min(?2, coalesce((SELECT " + time + " FROM " + place.table + of_camera +
+                       " ORDER BY " + time + " LIMIT 1 OFFSET ?3), ?2))",
+                   camera, to_ms(before), max_rows);
+        dropped += impl_->database.getChanges();
+      }
+    }
+    if (impl_->pending == 0) impl_->commit();
+    return dropped;
+  });
+}
+
+void Store::release_pages(int most) {
+  guarded(impl_->file, [&] {
+    impl_->commit();
+    SQLite::Statement pragma(impl_->database, "PRAGMA incremental_vacuum(" + std::to_string(most) + ")");
     while (pragma.executeStep()) {
     }
   });

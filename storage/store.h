@@ -19,6 +19,9 @@ struct StoreOptions {
   bool keep_ring_profiles = true;
 };
 
+// What retention tells apart.
+enum class Kept { frames, observations, fits, ring_profiles, one_minute, ten_minutes, hours, events };
+
 class Store {
  public:
   // Opens the database, makes it if there is none, and migrates an older one. WAL, synchronous NORMAL,
@@ -53,11 +56,14 @@ class Store {
   // after.
   void checkpoint();
 
-  struct Impl;
+  // Drops up to `max_rows` of the oldest rows before `before` (of each camera); returns how many went.
+  int drop_before(Kept what, TimePoint before, int max_rows);
+  // Gives up to so many free pages back to the file system.
+  void release_pages(int most);
 
  private:
+  struct Impl;
   std::unique_ptr<Impl> impl_;
-  friend class Retention;
 };
 
 }  // namespace lampglow::storage

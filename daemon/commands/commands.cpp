@@ -14,6 +14,10 @@ void add_commands(CLI::App& program) {
   add_probe(program);
   add_calibrate(program);
   add_calibrate_response(program);
+  add_serve(program);
+  add_export(program);
+  add_db(program);
+  add_token(program);
   add_version(program);
   add_man(program);
 }

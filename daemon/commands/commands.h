@@ -20,6 +20,10 @@ void add_calibrate(CLI::App& program);
 void add_survey(CLI::App& program);
 void add_validate(CLI::App& program);
 void add_probe(CLI::App& program);
+void add_serve(CLI::App& program);
+void add_export(CLI::App& program);
+void add_db(CLI::App& program);
+void add_token(CLI::App& program);
 void add_version(CLI::App& program);
 
 // All of the above, in the order in which the help shows them.

@@ -1,0 +1,215 @@
+#include "daemon/station/keeper.h"
+
+#include <sys/stat.h>
+
+#include <utility>
+
+#include "daemon/station/log.h"
+
+namespace lampglow::daemon {
+namespace {
+
+using storage::Event;
+using storage::EventKind;
+using storage::Severity;
+using storage::StorageError;
+using storage::Store;
+
+constexpr std::chrono::seconds kRetry{10};
+constexpr std::chrono::minutes kRetentionEvery{5};
+constexpr std::chrono::seconds kLookEvery{5};
+
+// Every frame is committed at once: a killed process loses nothing, a power cut what came since the
+// checkpoint.
+constexpr storage::StoreOptions kLive{.batch_frames = 1};
+
+}  // namespace
+
+Keeper::Keeper(std::filesystem::path database, storage::Retention retention,
+               std::chrono::minutes checkpoint_every, KeeperCallbacks callbacks)
+    : file_(std::move(database)),
+      retention_(retention),
+      checkpoint_every_(checkpoint_every),
+      callbacks_(std::move(callbacks)) {
+  utc_ = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
+  open(utc_);
+}
+
+Keeper::~Keeper() = default;
+
+void Keeper::report(EventKind kind, Severity severity, const std::string& message) {
+  log(severity == Severity::info      ? LogLevel::info
+      : severity == Severity::warning ? LogLevel::warning
+                                      : LogLevel::error,
+      message, {{"event", std::string(to_string(kind))}});
+  events_.push_back({0, utc_, kind, severity, "", message});
+}
+
+bool Keeper::file_is_ours() const {
+  struct stat now {};
+  return ::stat(file_.c_str(), &now) == 0 && now.st_ino == inode_ && now.st_dev == device_;
+}
+
+// A damaged file is one that SQLite cannot open or whose quick_check finds something.
+void Keeper::open_fresh_if_damaged(TimePoint utc) {
+  if (!std::filesystem::exists(file_)) return;
+  std::string found;
+  try {
+    found = storage::check(file_, false);
+  } catch (const StorageError& error) {
+    if (error.kind() != StorageError::Kind::corrupt) throw;
+    found = error.what();
+  }
+  if (found == "ok") return;
+  const auto aside = storage::set_aside(file_, utc);
+  report(EventKind::database_set_aside, Severity::error,
+         "the database is damaged (" + found.substr(0, 200) + "); it is kept as " +
+             aside.filename().string() + " and the station goes on with a fresh one");
+}
+
+void Keeper::open(TimePoint utc) {
+  try {
+    std::error_code ignored;
+    std::filesystem::create_directories(file_.parent_path(), ignored);
+    open_fresh_if_damaged(utc);
+    store_ = std::make_unique<Store>(file_, kLive);
+    struct stat now {};
+    if (::stat(file_.c_str(), &now) == 0) {
+      inode_ = now.st_ino;
+      device_ = now.st_dev;
+    }
+    numbers_.clear();
+    for (const auto& [name, site] : sites_) numbers_[name] = store_->upsert_camera(name, site);
+  } catch (const StorageError& error) {
+    if (error.kind() == StorageError::Kind::too_new) throw;
+    store_.reset();
+    failed(error);
+  }
+}
+
+void Keeper::failed(const StorageError& error) {
+  next_try_ = std::chrono::steady_clock::now() + kRetry;
+  if (store_) store_->rollback();
+  const std::string message = error.what();
+  if (std::exchange(fault_, message) == message) return;
+  const bool full = error.kind() == StorageError::Kind::full;
+  report(EventKind::disk_full, Severity::error,
+         std::string(full ? "the disk is full" : "the database cannot be written") + ": " + message +
+             "; observations wait in memory");
+  callbacks_.on_fault(message);
+}
+
+void Keeper::start_afresh(TimePoint utc, const std::string& why, bool set_aside_first) {
+  store_.reset();
+  try {
+    std::string kept;
+    if (set_aside_first && std::filesystem::exists(file_))
+      kept = "; it is kept as " + storage::set_aside(file_, utc).filename().string();
+    report(EventKind::database_set_aside, Severity::error,
+           why + kept + "; the station goes on with a fresh one");
+  } catch (const StorageError& error) {
+    failed(error);
+    return;
+  }
+  open(utc);
+}
+
+bool Keeper::attempt(const std::function<void(Store&)>& work) {
+  if (!store_) return false;
+  try {
+    work(*store_);
+    return true;
+  } catch (const StorageError& error) {
+    if (error.kind() == StorageError::Kind::corrupt)
+      start_afresh(utc_, "the database is damaged (" + std::string(error.what()) + ")", true);
+    else
+      failed(error);
+    return false;
+  }
+}
+
+void Keeper::add_camera(const std::string& name, const Site& site) {
+  sites_[name] = site;
+  attempt([&](Store& store) { numbers_[name] = store.upsert_camera(name, site); });
+}
+
+void Keeper::drain() {
+  while (!waiting_.empty()) {
+    const Waiting& next = waiting_.front();
+    if (!attempt([&](Store& store) {
+          if (!numbers_.contains(next.camera))
+            numbers_[next.camera] = store.upsert_camera(next.camera, sites_[next.camera]);
+          store.put(numbers_[next.camera], next.result);
+        }))
+      return;
+    waiting_.pop_front();
+  }
+  while (!events_.empty()) {
+    Event event = events_.front();
+    if (!attempt([&](Store& store) { event.number = store.put_event(event); })) return;
+    if (events_.empty()) return;  // start_afresh() may have changed the list
+    events_.pop_front();
+    callbacks_.on_event(event);
+  }
+  if (!fault_.empty() && store_) {
+    fault_.clear();
+    callbacks_.on_fault("");
+    report(EventKind::database_recovered, Severity::info, "the database can be written again");
+  }
+}
+
+void Keeper::put(const std::string& camera, FrameResult result) {
+  waiting_.push_back({camera, std::move(result)});
+  if (waiting_.size() > kMostWaiting) {
+    waiting_.pop_front();
+    ++lost_;
+  }
+  if (fault_.empty()) drain();
+}
+
+void Keeper::put_event(Event event) {
+  events_.push_back(std::move(event));
+  if (fault_.empty()) drain();
+}
+
+void Keeper::put_picture(const std::string& camera, const storage::PictureRecord& picture) {
+  attempt([&](Store& store) { store.put_picture(numbers_[camera], picture); });
+}
+
+void Keeper::erase_picture(const storage::PictureRecord& picture) {
+  attempt([&](Store& store) { store.erase_picture(picture); });
+}
+
+void Keeper::tick(TimePoint utc, std::chrono::steady_clock::time_point now) {
+  utc_ = utc;
+  if (now >= next_look_) {
+    next_look_ = now + kLookEvery;
+    if (store_ && !file_is_ours()) start_afresh(utc, "the database's file was removed or replaced", false);
+  }
+  if (now >= next_try_ && (!fault_.empty() || !store_)) {
+    if (!store_) open(utc);
+    if (store_) drain();
+  }
+  if (!store_ || !fault_.empty()) return;
+  drain();
+  if (now >= next_checkpoint_) {
+    next_checkpoint_ = now + checkpoint_every_;
+    attempt([](Store& store) { store.checkpoint(); });
+  }
+  if (now >= next_retention_) {
+    int dropped = 0;
+    if (attempt([&](Store& store) { dropped = storage::apply_retention(store, retention_, utc); }))
+      next_retention_ = dropped ? now : now + kRetentionEvery;
+  }
+}
+
+void Keeper::close() {
+  drain();
+  attempt([](Store& store) { store.checkpoint(); });
+  if (!waiting_.empty())
+    log(LogLevel::error, "observations are lost: the database could not be written",
+        {{"count", std::to_string(waiting_.size())}});
+  store_.reset();
+}
+
+}  // namespace lampglow::daemon

@@ -1,0 +1,81 @@
+// The keeper of the database: the one writer, with everything that can go wrong with a disk. Used by one
+// thread.
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "daemon/station/config.h"
+#include "storage/maintenance.h"
+#include "storage/store.h"
+
+namespace lampglow::daemon {
+
+// What the keeper tells the rest of the station.
+struct KeeperCallbacks {
+  std::function<void(const storage::Event&)> on_event;     // it is stored, too
+  std::function<void(const std::string& fault)> on_fault;  // the database can't be written; empty: it can
+};
+
+class Keeper {
+ public:
+  // Opens the database: one that is damaged is set aside, one that cannot be opened is tried again at every
+  // tick. Throws StorageError::too_new only.
+  Keeper(std::filesystem::path database, storage::Retention retention, std::chrono::minutes checkpoint_every,
+         KeeperCallbacks callbacks);
+  ~Keeper();
+
+  void add_camera(const std::string& name, const Site& site);
+  void set_retention(const storage::Retention& retention) { retention_ = retention; }
+
+  // Stores the result, or keeps it in memory until the disk takes it again (the last kMostWaiting).
+  void put(const std::string& camera, FrameResult result);
+  void put_event(storage::Event event);
+  void put_picture(const std::string& camera, const storage::PictureRecord& picture);
+  void erase_picture(const storage::PictureRecord& picture);
+
+  // About once a second: retries, checkpoint, retention, the file's presence.
+  void tick(TimePoint utc, std::chrono::steady_clock::time_point now);
+  // Stores what waits and syncs, as far as the disk allows.
+  void close();
+
+  std::size_t waiting() const { return waiting_.size(); }
+  std::uint64_t lost() const { return lost_; }
+
+  static constexpr std::size_t kMostWaiting = 2000;
+
+ private:
+  struct Waiting {
+    std::string camera;
+    FrameResult result;
+  };
+  void open(TimePoint utc);
+  void open_fresh_if_damaged(TimePoint utc);
+  void start_afresh(TimePoint utc, const std::string& why, bool set_aside_first);
+  void drain();
+  // Runs `work` on the open store; what goes wrong is dealt with. False: it was not done.
+  bool attempt(const std::function<void(storage::Store&)>& work);
+  void failed(const storage::StorageError& error);
+  void report(storage::EventKind kind, storage::Severity severity, const std::string& message);
+  bool file_is_ours() const;
+
+  std::filesystem::path file_;
+  storage::Retention retention_;
+  std::chrono::minutes checkpoint_every_;
+  KeeperCallbacks callbacks_;
+  std::unique_ptr<storage::Store> store_;
+  std::map<std::string, Site> sites_;
+  std::map<std::string, storage::CameraNumber> numbers_;
+  std::deque<Waiting> waiting_;
+  std::deque<storage::Event> events_;  // not stored yet
+  std::string fault_;
+  TimePoint utc_{};
+  std::chrono::steady_clock::time_point next_try_{}, next_checkpoint_{}, next_retention_{}, next_look_{};
+  std::uint64_t lost_ = 0;
+  std::uint64_t device_ = 0, inode_ = 0;
+};
+
+}  // namespace lampglow::daemon

@@ -1,0 +1,51 @@
+// Which pictures are kept as files beside the database: one an hour and every onset of fog, in a bounded
+// space.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+
+#include "daemon/station/config.h"
+#include "daemon/station/keeper.h"
+#include "storage/records.h"
+
+namespace lampglow::daemon {
+
+// MOR below 1000 m begins fog, above 1200 m ends it.
+class FogWatch {
+ public:
+  enum class Change { none, began, ended };
+  Change note(const Observation& observation);
+  bool in_fog() const { return in_fog_; }
+
+ private:
+  bool in_fog_ = false;
+};
+
+class PictureKeeper {
+ public:
+  PictureKeeper(std::filesystem::path folder, PictureOptions options)
+      : folder_(std::move(folder)), options_(options) {}
+
+  // What earlier runs kept, oldest first, from the database.
+  void load(const std::vector<storage::PictureRecord>& kept);
+  void set_options(const PictureOptions& options) { options_ = options; }
+
+  // Keeps the picture if it is worth it, and drops the oldest ones if there are too many bytes. A disk that
+  // is full is a warning in the log, no more.
+  void offer(const std::string& camera, TimePoint time, bool fog_began, const std::string& jpeg,
+             Keeper& keeper);
+
+ private:
+  void drop_oldest(Keeper& keeper);
+  std::filesystem::path file_of(const storage::PictureRecord& picture) const;
+
+  std::filesystem::path folder_;
+  PictureOptions options_;
+  std::multimap<TimePoint, storage::PictureRecord> kept_;
+  std::int64_t bytes_ = 0;
+  std::map<std::string, std::int64_t> last_hour_;
+};
+
+}  // namespace lampglow::daemon

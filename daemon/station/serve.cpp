@@ -1,0 +1,72 @@
+#include <signal.h>
+
+#include <ctime>
+
+#include "daemon/errors.h"
+#include "daemon/station/log.h"
+#include "daemon/station/notify.h"
+#include "daemon/station/station.h"
+
+namespace lampglow::daemon {
+namespace {
+
+// The signals that the main thread waits for; blocked before any other thread is there.
+sigset_t block_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (const int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
+}
+
+// The signal that came within a second; 0 for none.
+int wait_a_second(const sigset_t& signals) {
+  const timespec second{1, 0};
+  const int signal = sigtimedwait(&signals, nullptr, &second);
+  return signal > 0 ? signal : 0;
+}
+
+void reload(Station& station, const std::filesystem::path& file) {
+  notify_reloading();
+  try {
+    for (const std::string& key : station.reload(read_station_config(file)))
+      log(LogLevel::warning, "changed in the configuration, but only a restart takes it over",
+          {{"key", key}});
+    log(LogLevel::info, "configuration reloaded", {{"file", file.string()}});
+  } catch (const std::exception& error) {
+    log(LogLevel::error, "the new configuration cannot be used; the old one stays",
+        {{"reason", error.what()}});
+  }
+  notify_ready();
+}
+
+void feed_watchdog(const Station& station) {
+  const std::string why = station.stuck();
+  if (why.empty())
+    notify_watchdog();
+  else
+    log(LogLevel::error, "no progress; the watchdog is not fed", {{"reason", why}});
+}
+
+}  // namespace
+
+void serve(const std::filesystem::path& config_file) {
+  open_log(LogLevel::info);
+  const sigset_t signals = block_signals();
+  Station station(read_station_config(config_file));
+  station.start();
+  notify_ready();
+  const bool watched = watchdog_period().has_value();
+  for (;;) {
+    const int signal = wait_a_second(signals);
+    if (signal == SIGHUP) reload(station, config_file);
+    if (signal == SIGTERM || signal == SIGINT) break;
+    station.look_after();
+    notify_status(station.status_text());
+    if (watched) feed_watchdog(station);
+  }
+  notify_stopping();
+  station.stop();
+}
+
+}  // namespace lampglow::daemon

@@ -1,0 +1,481 @@
+#include "daemon/station/station.h"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <map>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "daemon/errors.h"
+#include "daemon/replay/ordered_pool.h"
+#include "daemon/sources/archive.h"
+#include "daemon/station/backups.h"
+#include "daemon/station/bounded_queue.h"
+#include "daemon/station/feed.h"
+#include "daemon/station/keeper.h"
+#include "daemon/station/log.h"
+#include "daemon/station/picture.h"
+#include "daemon/station/picture_keeper.h"
+#include "estimator/estimate.h"
+#include "storage/reader.h"
+#include "web/live_state.h"
+#include "web/server.h"
+
+namespace lampglow::daemon {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using std::chrono::steady_clock;
+using storage::Event;
+using storage::EventKind;
+using storage::Severity;
+
+constexpr seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
+constexpr seconds kLongestWriterStep{60};
+
+TimePoint utc_time() {
+  return std::chrono::floor<milliseconds>(std::chrono::system_clock::now());
+}
+
+// Everything that a frame's estimate depends on; replaced as a whole when the configuration changes.
+struct CameraSetup {
+  std::string name;
+  Site site;
+  std::optional<ClearReference> reference;
+  EstimatorOptions estimator;
+};
+
+struct Job {
+  std::shared_ptr<const CameraSetup> setup;
+  Bracket bracket;
+};
+
+struct Done {
+  std::shared_ptr<const CameraSetup> setup;
+  FrameResult result;
+  Pictures pictures;
+  double duration_s = 0;
+};
+
+// Since when each estimate runs, for the watchdog.
+class WorkWatch {
+ public:
+  class Running {
+   public:
+    explicit Running(WorkWatch& watch) : watch_(watch) {
+      const std::scoped_lock lock(watch_.mutex_);
+      mine_ = watch_.since_.insert(steady_clock::now());
+    }
+    ~Running() {
+      const std::scoped_lock lock(watch_.mutex_);
+      watch_.since_.erase(mine_);
+    }
+    Running(const Running&) = delete;
+    Running& operator=(const Running&) = delete;
+
+   private:
+    WorkWatch& watch_;
+    std::multiset<steady_clock::time_point>::iterator mine_;
+  };
+  bool stuck(steady_clock::time_point now) const {
+    const std::scoped_lock lock(mutex_);
+    return !since_.empty() && now - *since_.begin() > kLongestEstimate;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::multiset<steady_clock::time_point> since_;
+};
+
+std::optional<ClearReference> learn_from(const CameraConfig& camera, const EstimatorOptions& options) {
+  if (camera.reference_archive.empty()) return std::nullopt;
+  std::vector<Bracket> clear;
+  for (const ArchiveBracket& entry : read_frames_csv(camera.reference_archive))
+    if (entry.role == FrameRole::clear_reference)
+      clear.push_back(load_bracket(camera.reference_archive, entry, camera.site.camera));
+  return learn_reference(clear, camera.site, options);
+}
+
+FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup) {
+  try {
+    FrameResult result = estimate(bracket, setup.site, setup.reference, setup.estimator);
+    if (!result.observation.extinction_per_m && !bracket.fault.empty()) result.reason = bracket.fault;
+    return result;
+  } catch (const std::exception& error) {
+    log(LogLevel::error, "the estimator failed", {{"camera", setup.name}, {"reason", error.what()}});
+    FrameResult failed;
+    failed.observation.time_utc = bracket.time_utc;
+    failed.observation.quality = bracket.quality;
+    failed.observation.quality.set(Quality::internal_error);
+    failed.reason = std::string("the estimator failed: ") + error.what();
+    return failed;
+  }
+}
+
+web::LiveOptions live_options(const StationConfig& config) {
+  web::LiveOptions options;
+  options.stale_after = config.stale_after;
+  options.frame_interval = config.cameras.front().schedule.interval;
+  options.version = LAMPGLOW_VERSION;
+  return options;
+}
+
+web::ApiOptions api_options(const StationConfig& config) {
+  return {config.database(), config.picture_directory(), config.protect, config.token_hashes};
+}
+
+std::size_t worker_count(const StationConfig& config) {
+  return config.workers ? config.workers : std::max(1U, std::thread::hardware_concurrency());
+}
+
+}  // namespace
+
+struct Station::Impl {
+  explicit Impl(const StationConfig& given);
+
+  void start();
+  void stop();
+  void work(std::stop_token stop);
+  void write();
+  void take(Done done);
+  void note_fog(const Done& done);
+  void tell(Event event);  // from any thread: stored, logged, streamed
+  void open_camera(const CameraConfig& camera);
+  void close_camera(const std::string& name);
+  void restore(const std::string& camera);
+  void on_camera_event(const CameraEvent& event);
+  std::vector<std::string> reload(const StationConfig& wanted);
+
+  // What a camera's feed pushes into; the pool takes from it.
+  std::shared_ptr<const CameraSetup> setup_of(const std::string& camera) {
+    const std::scoped_lock lock(setups_mutex);
+    const auto found = setups.find(camera);
+    return found == setups.end() ? nullptr : found->second;
+  }
+
+  StationConfig config;
+  SystemClock clock;
+  web::LiveState live;
+  BoundedQueue<Job> jobs;
+  BoundedQueue<std::function<void()>> writes{64};
+  WorkWatch watch;
+  std::mutex setups_mutex;
+  std::map<std::string, std::shared_ptr<const CameraSetup>> setups;
+  std::map<std::string, std::unique_ptr<Feed>> feeds;  // the main thread's
+  std::mutex feeds_mutex;                              // against note_mor from the writer
+  // The writer thread's, once it runs:
+  std::map<std::string, FogWatch> fog;
+  PictureKeeper pictures;
+  Keeper keeper;
+  Backups backups;
+  std::atomic<steady_clock::rep> writer_moved{0};
+  std::atomic<bool> stopped{false};
+  std::unique_ptr<web::Server> server;
+  std::jthread workers;
+  std::jthread writer;
+};
+
+Station::Impl::Impl(const StationConfig& given)
+    : config(given),
+      live(live_options(given)),
+      jobs(worker_count(given)),
+      pictures(given.picture_directory(), given.pictures),
+      keeper(given.database(), given.retention, given.checkpoint_every,
+             {[this](const Event& event) { live.publish_event(event); },
+              [this](const std::string& fault) {
+                live.set_fault("database", fault.empty() ? "" : "cannot be written");
+              }}),
+      backups(given.database(), given.backup_directory(), given.backups_kept, given.backup_hour_utc,
+              [this](bool good, const std::string& message) {
+                live.set_fault("backup", good ? "" : message);
+                tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
+                      good ? Severity::info : Severity::error, "", message});
+              }) {
+  for (const CameraConfig& camera : config.cameras) open_camera(camera);
+  for (const CameraConfig& camera : config.cameras) restore(camera.name);
+  try {
+    storage::Reader reader(config.database());
+    pictures.load(reader.pictures({}, TimePoint{}, utc_time() + std::chrono::hours(24), 1 << 30));
+  } catch (const storage::StorageError&) {  // the keeper has said so
+  }
+  server = std::make_unique<web::Server>(config.http, live, api_options(config));
+}
+
+void Station::Impl::open_camera(const CameraConfig& camera) {
+  auto setup = std::make_shared<CameraSetup>();
+  setup->name = camera.name;
+  setup->site = camera.site;
+  setup->reference = learn_from(camera, setup->estimator);
+  if (!setup->reference)
+    log(LogLevel::warning, "no clear reference: frames will say no_reference", {{"camera", camera.name}});
+  live.set_camera(camera.name, camera.site);
+  // Once it runs, the keeper belongs to the writer's thread.
+  if (writer.joinable())
+    writes.push([this, name = camera.name, site = camera.site] { keeper.add_camera(name, site); });
+  else
+    keeper.add_camera(camera.name, camera.site);
+  auto feed = make_feed(camera, clock,
+                        {[this, name = camera.name](Bracket bracket) {
+                           if (auto known = setup_of(name)) jobs.push({std::move(known), std::move(bracket)});
+                         },
+                         [this](const CameraEvent& event) { on_camera_event(event); }});
+  {
+    const std::scoped_lock lock(setups_mutex);
+    setups[camera.name] = std::move(setup);
+  }
+  const std::scoped_lock lock(feeds_mutex);
+  feeds[camera.name] = std::move(feed);
+}
+
+// The last hour from the database, so that a restart does not forget what the air is like.
+void Station::Impl::restore(const std::string& name) {
+  try {
+    storage::Reader reader(config.database());
+    const auto camera = reader.camera(name);
+    const auto span = camera ? reader.span(camera->number) : std::nullopt;
+    if (!span) return;
+    const TimePoint last = span->second;
+    storage::ObservationQuery query{
+        camera->number, last - std::chrono::hours(1), last + milliseconds(1), 0, {}, 10000};
+    for (const storage::ObservationRow& row : reader.observations(query)) {
+      FrameResult result;
+      result.observation = row.observation;
+      result.reason = row.reason;
+      if (row.observation.time_utc == last)
+        for (const storage::LampFitRow& fit : reader.fits(camera->number, last))
+          result.lamps.push_back(fit.fit);
+      live.restore(name, result);
+    }
+  } catch (const storage::StorageError& error) {
+    log(LogLevel::warning, "the last observations could not be read back", {{"reason", error.what()}});
+  }
+}
+
+void Station::Impl::tell(Event event) {
+  log(event.severity == Severity::error     ? LogLevel::error
+      : event.severity == Severity::warning ? LogLevel::warning
+                                            : LogLevel::info,
+      event.message, {{"event", std::string(to_string(event.kind))}, {"camera", event.camera}});
+  writes.push([this, event = std::move(event)] { keeper.put_event(event); });
+}
+
+void Station::Impl::on_camera_event(const CameraEvent& event) {
+  const bool recovered = event.fault == Fault::none;
+  const EventKind kind = recovered                             ? EventKind::source_recovered
+                         : event.fault == Fault::clock_stepped ? EventKind::clock_stepped
+                                                               : EventKind::source_failed;
+  std::string message = recovered ? "recovered" : std::string(to_string(event.fault));
+  if (!event.message.empty()) message += ": " + event.message;
+  tell({0, event.time_utc, kind, recovered ? Severity::info : Severity::warning, event.camera, message});
+}
+
+void Station::Impl::work(std::stop_token stop) {
+  OrderedPool<Job, Done> pool(
+      [this](const std::stop_token& stopping) -> std::optional<Job> {
+        while (!stopping.stop_requested() && !jobs.drained())
+          if (auto job = jobs.pop(stopping, seconds(1))) return job;
+        return std::nullopt;
+      },
+      [this](Job&& job) {
+        const WorkWatch::Running running(watch);
+        const auto begin = steady_clock::now();
+        Done done{job.setup, estimate_safely(job.bracket, *job.setup), {}, 0};
+        done.duration_s = std::chrono::duration<double>(steady_clock::now() - begin).count();
+        done.pictures = render_pictures(job.bracket, done.result, config.pictures.jpeg_quality);
+        return done;
+      },
+      [this](Done&& done) {
+        auto shared = std::make_shared<Done>(std::move(done));
+        writes.push([this, shared] { take(std::move(*shared)); });
+      },
+      {worker_count(config), worker_count(config)});
+  pool.run(stop);
+}
+
+void Station::Impl::note_fog(const Done& done) {
+  const Observation& observation = done.result.observation;
+  const FogWatch::Change change = fog[done.setup->name].note(observation);
+  if (change == FogWatch::Change::none) return;
+  const bool began = change == FogWatch::Change::began;
+  const std::string message =
+      fmt::format("fog {}: visibility {:.0f} m", began ? "began" : "ended", observation.mor_m().value_or(0));
+  log(LogLevel::info, message, {{"camera", done.setup->name}});
+  keeper.put_event({0, observation.time_utc, began ? EventKind::fog_began : EventKind::fog_ended,
+                    Severity::info, done.setup->name, message});
+}
+
+// On the writer's thread: stored first, then shown.
+void Station::Impl::take(Done done) {
+  const std::string& name = done.setup->name;
+  const Observation& observation = done.result.observation;
+  const bool was_foggy = fog[name].in_fog();
+  keeper.put(name, done.result);
+  note_fog(done);
+  if (done.pictures.plain_jpeg) {
+    const bool began = !was_foggy && fog[name].in_fog();
+    pictures.offer(name, observation.time_utc, began, *done.pictures.plain_jpeg, keeper);
+    live.set_picture(name, {observation.time_utc, done.pictures.plain_jpeg, done.pictures.annotated_jpeg});
+  }
+  live.publish(name, done.result, done.duration_s);
+  const std::scoped_lock lock(feeds_mutex);
+  if (const auto feed = feeds.find(name); feed != feeds.end()) feed->second->note_mor(observation.mor_m());
+}
+
+void Station::Impl::write() {
+  while (!writes.drained()) {
+    writer_moved = steady_clock::now().time_since_epoch().count();
+    if (auto write = writes.pop({}, milliseconds(500))) (*write)();
+    keeper.tick(utc_time(), steady_clock::now());
+    backups.tick(utc_time());
+  }
+  keeper.close();
+}
+
+void Station::Impl::start() {
+  server->start();
+  writer_moved = steady_clock::now().time_since_epoch().count();
+  writer = std::jthread([this] { write(); });
+  workers = std::jthread([this](const std::stop_token& stop) { work(stop); });
+  const std::scoped_lock lock(feeds_mutex);
+  for (const auto& [name, feed] : feeds) feed->start();
+  live.set_not_ready("");
+  log(LogLevel::info, "station started",
+      {{"cameras", std::to_string(feeds.size())},
+       {"http", config.http.address + ":" + std::to_string(server->port())},
+       {"database", config.database().string()}});
+}
+
+// Sources first; what is being estimated is finished and stored, what still waits is not begun; the server
+// goes last.
+void Station::Impl::stop() {
+  if (stopped.exchange(true)) return;
+  live.set_not_ready("stopping");
+  for (const auto& [name, feed] : feeds) feed->request_stop();
+  workers.request_stop();
+  jobs.close();
+  for (const auto& [name, feed] : feeds) feed->join();
+  if (workers.joinable()) workers.join();
+  if (writer.joinable()) {
+    tell({0, utc_time(), EventKind::stopped, Severity::info, "", "station stopped"});
+    writes.close();
+    writer.join();
+  }
+  if (server) server->stop();
+}
+
+void Station::Impl::close_camera(const std::string& name) {
+  std::unique_ptr<Feed> feed;
+  {
+    const std::scoped_lock lock(feeds_mutex);
+    feed = std::move(feeds[name]);
+    feeds.erase(name);
+  }
+  if (!feed) return;
+  feed->request_stop();
+  feed->join();
+}
+
+std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
+  std::vector<std::string> left = needs_restart(config, wanted);
+  std::map<std::string, std::string> before;
+  for (const CameraConfig& camera : config.cameras) before[camera.name] = camera.fingerprint;
+  std::set<std::string> wanted_names;
+  for (const CameraConfig& camera : wanted.cameras) {
+    wanted_names.insert(camera.name);
+    if (before.contains(camera.name) && before[camera.name] == camera.fingerprint) continue;
+    close_camera(camera.name);
+    open_camera(camera);
+    const std::scoped_lock lock(feeds_mutex);
+    feeds[camera.name]->start();
+  }
+  for (const auto& [name, fingerprint] : before)
+    if (!wanted_names.contains(name)) {
+      close_camera(name);
+      left.push_back("camera " + name + " is stopped, but stays in answers until a restart");
+    }
+  writes.push([this, wanted] {
+    keeper.set_retention(wanted.retention);
+    pictures.set_options(wanted.pictures);
+    backups.set(wanted.backups_kept, wanted.backup_hour_utc);
+  });
+  config.cameras = wanted.cameras;
+  tell({0, utc_time(), EventKind::configuration_changed, Severity::info, "", "configuration reloaded"});
+  return left;
+}
+
+Station::Station(const StationConfig& config) {
+  try {
+    impl_ = std::make_unique<Impl>(config);
+  } catch (const storage::StorageError& error) {
+    throw DataError(error.what());
+  } catch (const CommandError&) {
+    throw;
+  } catch (const std::runtime_error& error) {
+    throw IoError(error.what());
+  }
+}
+
+Station::~Station() {
+  if (impl_) impl_->stop();
+}
+
+void Station::start() {
+  impl_->start();
+  impl_->tell(
+      {0, utc_time(), EventKind::started, Severity::info, "", "station started, version " LAMPGLOW_VERSION});
+}
+
+void Station::stop() {
+  impl_->stop();
+}
+
+std::vector<std::string> Station::reload(const StationConfig& config) {
+  return impl_->reload(config);
+}
+
+unsigned short Station::port() const {
+  return impl_->server->port();
+}
+
+std::string Station::status_text() const {
+  std::string text;
+  for (const storage::CameraRecord& camera : impl_->live.cameras()) {
+    const auto latest = impl_->live.latest_result(camera.name);
+    const auto mor_m = latest ? latest->observation.mor_m() : std::nullopt;
+    if (!text.empty()) text += "; ";
+    text += camera.name + ": ";
+    if (!latest)
+      text += "no frame yet";
+    else if (!mor_m)
+      text += "no value (" + latest->reason.substr(0, 60) + ")";
+    else
+      text += fmt::format("{}{:.0f} m, {}",
+                          latest->observation.limit == Limit::above   ? "above "
+                          : latest->observation.limit == Limit::below ? "below "
+                                                                      : "",
+                          *mor_m, to_string(latest->observation.weather));
+  }
+  for (const std::string& fault : impl_->live.faults()) text += "; FAULT " + fault;
+  return text;
+}
+
+std::string Station::stuck() const {
+  const auto now = steady_clock::now();
+  const steady_clock::time_point moved{steady_clock::duration{impl_->writer_moved.load()}};
+  if (now - moved > kLongestWriterStep) return "the database's writer does not move";
+  if (impl_->watch.stuck(now)) return "a worker does not come to an end";
+  const std::scoped_lock lock(impl_->feeds_mutex);
+  for (const auto& [name, feed] : impl_->feeds)
+    if (feed->stuck(now)) return "the schedule of camera " + name + " does not move";
+  return "";
+}
+
+void Station::look_after() {
+  const std::scoped_lock lock(impl_->feeds_mutex);
+  for (const auto& [name, feed] : impl_->feeds) impl_->live.set_health(name, feed->health());
+}
+
+}  // namespace lampglow::daemon

@@ -1,0 +1,172 @@
+// The keeper of the database against a disk that fails.
+#include "daemon/station/keeper.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "daemon/station/picture_keeper.h"
+#include "storage/reader.h"
+#include "tests/storage/sample.h"
+#include "tests/support/temporary_folder.h"
+
+namespace lampglow::daemon {
+namespace {
+
+using testing::HasSubstr;
+using namespace testing_support;
+using Clock = std::chrono::steady_clock;
+
+class KeeperTest : public testing::Test {
+ protected:
+  std::unique_ptr<Keeper> keeper() {
+    auto made = std::make_unique<Keeper>(
+        file, storage::Retention{}, std::chrono::minutes(10),
+        KeeperCallbacks{[this](const storage::Event& event) { events.push_back(event); },
+                        [this](const std::string& text) { fault = text; }});
+    made->add_camera("quay", harbour());
+    return made;
+  }
+  int stored() {
+    storage::Reader reader(file);
+    return static_cast<int>(
+        reader.observations({1, TimePoint{}, at("2100-01-01T00:00:00Z"), 0, {}, 100000}).size());
+  }
+  std::vector<std::filesystem::path> set_aside() {
+    std::vector<std::filesystem::path> found;
+    for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+      if (const std::string name = entry.path().filename().string();
+          name.find(".corrupt-") != std::string::npos && name.ends_with("Z"))
+        found.push_back(entry.path());
+    return found;
+  }
+  void fill(Keeper& k, int from, int to) {
+    for (int i = from; i < to; ++i) k.put("quay", foggy(start + std::chrono::minutes(i)));
+  }
+
+  test::TemporaryFolder folder;
+  std::filesystem::path file = folder.path() / "lampglow.db";
+  TimePoint start = at("2026-11-22T00:00:00Z");
+  std::vector<storage::Event> events;
+  std::string fault;
+};
+
+TEST_F(KeeperTest, EveryFrameIsThereAtOnceForReaders) {
+  auto k = keeper();
+  fill(*k, 0, 3);
+  EXPECT_EQ(stored(), 3);
+  EXPECT_EQ(fault, "");
+}
+
+TEST_F(KeeperTest, ADamagedDatabaseIsSetAsideAtTheStartLoudly) {
+  {
+    auto k = keeper();
+    fill(*k, 0, 300);
+    k->close();
+  }
+  {
+    std::fstream stream(file, std::ios::binary | std::ios::in | std::ios::out);
+    stream.seekp(static_cast<std::streamoff>(std::filesystem::file_size(file) / 2));
+    stream << std::string(8192, '\x5a');
+  }
+  auto k = keeper();
+  fill(*k, 300, 302);
+  EXPECT_EQ(stored(), 2);
+  EXPECT_EQ(set_aside().size(), 1u);
+  k->tick(start, Clock::now());
+  ASSERT_FALSE(events.empty());
+  EXPECT_EQ(events.front().kind, storage::EventKind::database_set_aside);
+  EXPECT_EQ(events.front().severity, storage::Severity::error);
+  EXPECT_THAT(events.front().message, HasSubstr(".corrupt-"));
+}
+
+TEST_F(KeeperTest, ADeletedDatabaseIsMadeAnewWhileRunning) {
+  auto k = keeper();
+  fill(*k, 0, 2);
+  std::filesystem::remove(file);
+  std::filesystem::remove(file.string() + "-wal");
+  std::filesystem::remove(file.string() + "-shm");
+  k->tick(start, Clock::now() + std::chrono::seconds(6));
+  fill(*k, 2, 5);
+  EXPECT_EQ(stored(), 3);
+  ASSERT_FALSE(events.empty());
+  EXPECT_THAT(events.front().message, HasSubstr("removed or replaced"));
+}
+
+// A file size limit is what a full disk looks like to SQLite: the write fails, and later it does not.
+TEST_F(KeeperTest, AFullDiskMakesObservationsWaitAndNoneIsLost) {
+  auto k = keeper();
+  fill(*k, 0, 5);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit small = before;
+  small.rlim_cur = 8192;
+  setrlimit(RLIMIT_FSIZE, &small);
+  fill(*k, 5, 40);
+  setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_GT(k->waiting(), 0u);
+  EXPECT_NE(fault, "");
+  k->tick(start, Clock::now() + std::chrono::seconds(11));
+  EXPECT_EQ(k->waiting(), 0u);
+  EXPECT_EQ(stored(), 40);
+  EXPECT_EQ(fault, "");
+  EXPECT_EQ(k->lost(), 0u);
+}
+
+TEST_F(KeeperTest, WhatCameBeforeAKillIsThere) {
+  const pid_t child = fork();
+  if (child == 0) {
+    auto k = keeper();
+    fill(*k, 0, 20);
+    raise(SIGKILL);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  auto k = keeper();
+  EXPECT_EQ(stored(), 20);
+  EXPECT_TRUE(set_aside().empty());
+}
+
+TEST_F(KeeperTest, PicturesStayWithinTheirSpaceAndTheOldestGo) {
+  auto k = keeper();
+  PictureOptions options;
+  options.max_bytes = 2500;
+  PictureKeeper pictures(folder.path() / "pictures", options);
+  for (int hour = 0; hour < 5; ++hour) {
+    pictures.offer("quay", start + std::chrono::hours(hour), false, std::string(1000, 'x'), *k);
+    pictures.offer("quay", start + std::chrono::hours(hour) + std::chrono::minutes(5), false,
+                   std::string(1000, 'x'), *k);
+  }
+  storage::Reader reader(file);
+  const auto kept = reader.pictures({}, TimePoint{}, at("2100-01-01T00:00:00Z"), 100);
+  ASSERT_EQ(kept.size(), 2u);
+  EXPECT_EQ(kept[0].time_utc, start + std::chrono::hours(3));
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path() / "pictures" / "quay"))
+    files += entry.is_regular_file();
+  EXPECT_EQ(files, 2);
+}
+
+TEST(FogWatch, BeginsBelow1000AndEndsAbove1200) {
+  FogWatch watch;
+  const auto note = [&](double mor_m, Limit limit = Limit::none) {
+    Observation o = foggy(at("2026-11-22T00:00:00Z"), kMorTimesExtinction / mor_m).observation;
+    o.limit = limit;
+    return watch.note(o);
+  };
+  EXPECT_EQ(note(1100), FogWatch::Change::none);
+  EXPECT_EQ(note(900, Limit::above), FogWatch::Change::none);
+  EXPECT_EQ(note(990), FogWatch::Change::began);
+  EXPECT_EQ(note(1150), FogWatch::Change::none);
+  EXPECT_EQ(note(1250), FogWatch::Change::ended);
+}
+
+}  // namespace
+}  // namespace lampglow::daemon

@@ -1,0 +1,137 @@
+#include "storage/maintenance.h"
+
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "storage/reader.h"
+#include "tests/storage/sample.h"
+#include "tests/storage/temporary_directory.h"
+
+namespace lampglow::storage {
+namespace {
+
+using namespace testing_support;
+
+class MaintenanceTest : public testing::Test {
+ protected:
+  // One frame a minute from `first` on.
+  void fill(Store& store, TimePoint first, int minutes) {
+    const CameraNumber camera = store.upsert_camera("quay", harbour());
+    for (int i = 0; i < minutes; ++i) store.put(camera, foggy(first + std::chrono::minutes(i)));
+    store.commit();
+  }
+  int count(const std::string& table) {
+    return SQLite::Database(file.string()).execAndGet("SELECT count(*) FROM " + table).getInt();
+  }
+
+  TemporaryDirectory directory;
+  std::filesystem::path file = directory / "lampglow.db";
+};
+
+TEST_F(MaintenanceTest, RetentionDropsWholeHoursAndNothingElse) {
+  Store store(file);
+  fill(store, at("2026-11-01T00:00:00Z"), 300);
+  Retention retention;
+  retention.frames_days = retention.fits_days = retention.one_minute_days = 1;
+  retention.ring_profiles_days = 0;
+  const TimePoint now = at("2026-11-02T02:30:00Z");  // a day ago: 02:30, so everything before 02:00 goes
+  int rounds = 0;
+  while (apply_retention(store, retention, now, 50) > 0) ++rounds;
+  EXPECT_GT(rounds, 2);
+  EXPECT_EQ(count("observation"), 180);
+  EXPECT_EQ(count("frame"), 180);
+  EXPECT_EQ(count("lamp_fit"), 360);
+  EXPECT_EQ(count("ring_profile"), 300);
+  EXPECT_EQ(Reader(file).span(1)->first, at("2026-11-01T02:00:00Z"));
+  EXPECT_EQ(count("mean WHERE period_s = 600"), 31);
+  EXPECT_EQ(count("mean WHERE period_s = 60 AND end_ms < 1793498400000"), 0);
+}
+
+TEST_F(MaintenanceTest, AMeanOutlivesItsFramesEvenIfALateOneComes) {
+  Store store(file);
+  fill(store, at("2026-11-01T00:01:00Z"), 60);
+  const double before = Reader(file).latest(1, 3600)->observation.extinction_per_m.value();
+  while (store.drop_before(Kept::observations, at("2026-11-01T01:00:00Z"), 1000) > 0) {
+  }
+  store.put(1, foggy(at("2026-11-01T00:30:30Z"), 0.5));
+  store.commit();
+  EXPECT_EQ(Reader(file).latest(1, 3600)->observation.extinction_per_m.value(), before);
+}
+
+TEST_F(MaintenanceTest, ABackupIsASoundCopyWhileTheStoreIsInUse) {
+  Store store(file);
+  fill(store, at("2026-11-01T00:00:00Z"), 100);
+  store.put(1, foggy(at("2026-11-02T00:00:00Z")));  // pending: not in the copy
+  backup(file, directory / "copy.db");
+  EXPECT_EQ(check(directory / "copy.db", true), "ok");
+  EXPECT_FALSE(std::filesystem::exists(directory / "copy.db.part"));
+  store.rollback();
+  EXPECT_EQ(Reader(directory / "copy.db").content(), Reader(file).content());
+}
+
+TEST_F(MaintenanceTest, ACheckpointWorksAtAnyMoment) {
+  Store store(file);
+  store.checkpoint();
+  const CameraNumber camera = store.upsert_camera("quay", harbour());
+  store.checkpoint();
+  FrameResult frame = foggy(at("2026-11-01T00:00:00Z"));
+  frame.lamps[0].id = "in no catalogue";
+  store.put(camera, frame);
+  store.checkpoint();
+  EXPECT_EQ(std::filesystem::file_size(file.string() + "-wal"), 0u);
+  EXPECT_EQ(count("observation"), 1);
+}
+
+TEST_F(MaintenanceTest, ADamagedPageIsFoundAndTheFileSetAsideWithAllThatIsInIt) {
+  {
+    Store store(file);
+    fill(store, at("2026-11-01T00:00:00Z"), 400);
+    store.checkpoint();
+  }
+  const auto size = std::filesystem::file_size(file);
+  {
+    std::fstream stream(file, std::ios::binary | std::ios::in | std::ios::out);
+    stream.seekp(static_cast<std::streamoff>(size / 2));
+    stream << std::string(8192, '\x5a');
+  }
+  std::string found;
+  try {
+    found = check(file, false);
+  } catch (const StorageError& error) {
+    found = error.what();
+  }
+  EXPECT_NE(found, "ok");
+  EXPECT_NE(found, "");
+  const auto aside = set_aside(file, at("2026-11-22T01:02:03Z"));
+  EXPECT_EQ(aside.filename(), "lampglow.db.corrupt-20261122T010203Z");
+  EXPECT_EQ(std::filesystem::file_size(aside), size);
+  EXPECT_FALSE(std::filesystem::exists(file));
+  Store fresh(file);
+  fill(fresh, at("2026-11-22T01:00:00Z"), 1);
+  EXPECT_EQ(check(file, true), "ok");
+}
+
+TEST_F(MaintenanceTest, RetentionKeepsTheFileFlat) {
+  Store store(file);
+  Retention retention;
+  retention.frames_days = retention.fits_days = retention.one_minute_days = retention.ring_profiles_days = 1;
+  retention.ten_minutes_days = retention.hours_days = 1;
+  std::vector<std::uintmax_t> sizes;
+  TimePoint now = at("2026-11-01T00:00:00Z");
+  for (int day = 0; day < 8; ++day) {
+    fill(store, now, 300);
+    now += std::chrono::hours(24);
+    while (apply_retention(store, retention, now) > 0) {
+    }
+    store.checkpoint();
+    sizes.push_back(std::filesystem::file_size(file));
+  }
+  EXPECT_LE(sizes.back(), sizes[2] * 11 / 10);
+  EXPECT_GT(sizes.back(), 0u);
+}
+
+}  // namespace
+}  // namespace lampglow::storage

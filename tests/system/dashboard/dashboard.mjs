@@ -1,0 +1,85 @@
+// Clicks through the dashboard with Debian's chromium: live update, stale notice, lost connection, night mode, phone
+// width, keyboard, no console error, nothing loaded from elsewhere. Screenshots go to OUT.
+//   npm install; node dashboard.mjs LAMPGLOW ARCHIVE OUT
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { mkdtempSync, mkdirSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { chromium } from "playwright-core";
+
+const [lampglow, archive, out] = process.argv.slice(2);
+const port = 18200 + (process.pid % 700);
+const work = mkdtempSync(join(tmpdir(), "lampglow-dashboard-"));
+mkdirSync(out, { recursive: true });
+// A replayed night is old: its frames are stale by nature, which is what the stale notice is tested with.
+writeFileSync(join(work, "station.toml"), `name = "night"\nsite_file = "${archive}/site.toml"\n[source]\nurl = "archive:${archive}"\n` +
+  `[station]\ndata_directory = "${work}/data"\nworkers = 1\n[http]\nport = ${port}\n`);
+const station = spawn(lampglow, ["serve", "--config", join(work, "station.toml")], { stdio: "inherit" });
+const base = `http://127.0.0.1:${port}`;
+
+async function until(what, condition, seconds = 180) {
+  for (let i = 0; i < seconds * 5; ++i) {
+    if (await condition().catch(() => false)) return;
+    await new Promise((resolve) => setTimeout(resolve, 200));
+  }
+  throw new Error(`in ${seconds} s there was no ${what}`);
+}
+
+const browser = await chromium.launch({ executablePath: "/usr/bin/chromium", args: ["--no-sandbox"] });
+let failed = true;
+try {
+  await until("frame", async () => (await fetch(`${base}/v1/current`)).ok);
+  const page = await browser.newPage({ viewport: { width: 1280, height: 1400 } });
+  const errors = [], elsewhere = [];
+  page.on("console", (message) => { if (message.type() === "error") errors.push(message.text()); });
+  page.on("pageerror", (error) => errors.push(error.message));
+  page.on("request", (request) => { if (!request.url().startsWith(base) && !request.url().startsWith("blob:")) elsewhere.push(request.url()); });
+
+  await page.goto(base);
+  await until("time of a frame", async () => (await page.textContent("#time")) !== "–");
+  await until("picture", async () => page.isVisible("#picture"));
+  await until("series", async () => (await page.locator("#series canvas").count()) > 0);
+  assert.match(await page.textContent("#notice"), /Stale/);
+  assert.equal((await page.textContent("#value")).trim(), "–", "a stale page shows no value");
+
+  const before = await page.textContent("#time");
+  await until("live update", async () => (await page.textContent("#time")) !== before);
+
+  // By keyboard alone: the first lamp's ring profile, miles, UTC, night.
+  await page.locator("#lights button").first().focus();
+  await page.keyboard.press("Enter");
+  await until("ring profile", async () => page.isVisible("#profile-box"));
+  await page.screenshot({ path: join(out, "desktop.png"), fullPage: true });
+  for (const [id, expected] of [["unit", "mi"], ["zone", "UTC"]]) {
+    await page.focus(`#${id}`);
+    await page.keyboard.press("Enter");
+    assert.equal(await page.textContent(`#${id}`), expected);
+  }
+  assert.match(await page.textContent("#time"), /UTC/);
+  for (const theme of ["light", "dark", "night"]) {
+    await page.focus("#theme");
+    await page.keyboard.press("Enter");
+    assert.equal(await page.getAttribute("html", "data-theme"), theme);
+  }
+  assert.equal(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), "rgb(0, 0, 0)");
+  await page.screenshot({ path: join(out, "night.png"), fullPage: true });
+  await page.keyboard.press("Shift+Tab");
+  assert.equal(await page.evaluate(() => document.activeElement.id), "zone", "focus moves in order");
+
+  await page.setViewportSize({ width: 360, height: 740 });
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), "no sideways scrolling on a phone");
+  await page.screenshot({ path: join(out, "phone.png"), fullPage: true });
+
+  assert.deepEqual(errors, [], "console errors");
+  assert.deepEqual(elsewhere, [], "requests to elsewhere");
+
+  station.kill("SIGTERM");
+  await until("notice of the lost connection", async () => /No connection/.test(await page.textContent("#notice")), 20);
+  failed = false;
+  console.log("dashboard: all well");
+} finally {
+  await browser.close();
+  station.kill("SIGKILL");
+  process.exitCode = failed ? 1 : 0;
+}

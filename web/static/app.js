@@ -1,0 +1,263 @@
+// The dashboard: fetches once, then lives by the event stream.
+import { age, length, lengthText, set, settings, time } from "./format.js";
+import { Series, drawProfile } from "./series.js";
+import { follow, getBlob, getJson, getObservations } from "./station.js";
+
+const $ = (id) => document.getElementById(id);
+const state = { camera: "", current: null, received: 0, connected: false, selected: "", pictureUrl: "", fetchFailed: false };
+const series = new Series($("series"), $("legend"));
+const STALE_S = 300;
+
+function text(id, value) {
+  if ($(id).textContent !== value) $(id).textContent = value;
+}
+
+// The age grows here between messages: the page must not look fresh because nothing comes.
+function ageSeconds() {
+  return state.current.ageSeconds + (performance.now() - state.received) / 1000;
+}
+
+function isStale() {
+  return state.current !== null && (state.current.stale || ageSeconds() > STALE_S);
+}
+
+function showNotice() {
+  const parts = [];
+  if (!state.connected) parts.push("No connection to the station; what you see is the last that came.");
+  if (isStale()) parts.push(`Stale: the last frame is ${age(ageSeconds())}. It does not say what the air is like now.`);
+  text("notice", parts.join(" "));
+  $("notice").hidden = parts.length === 0;
+  document.body.classList.toggle("stale", isStale() || !state.connected);
+}
+
+function showAge() {
+  if (state.current) text("age", age(ageSeconds()));
+  showNotice();
+}
+
+function showNow() {
+  const c = state.current;
+  if (!c) return;
+  const v = c.visibility;
+  const shown = length(isStale() ? null : v.value);
+  text("limit", v.limit === "above" ? "at least " : v.limit === "below" ? "at most " : "");
+  text("value", shown.value);
+  text("value-unit", shown.unit);
+  text("weather", c.weather);
+  text("trend", c.trend ? `· ${{ improving: "↗ improving", steady: "→ steady", worsening: "↘ worsening" }[c.trend]}` : "");
+  text("band", v.minValue === null && v.maxValue === null ? "–" : `${lengthText(v.minValue)} and ${lengthText(v.maxValue)}`);
+  const mean = c.tenMinutes && c.tenMinutes.visibility;
+  text("mean", mean ? ({ above: "at least ", below: "at most " }[mean.limit] || "") + lengthText(mean.value) : "–");
+  text("time", time(c.timestamp, true));
+  text("used", String(c.lightsUsed));
+  text("metar", c.rawMessage);
+  text("quality", [c.reason, ...c.quality.map((flag) => flag.replaceAll("_", " "))].filter(Boolean).join("; ") || "none");
+  text("station", c.station);
+  document.title = v.value === null ? "lampglow" : `${lengthText(v.value)} · ${c.station}`;
+  showAge();
+}
+
+function takeCurrent(properties) {
+  if (properties.ageSeconds === undefined) return;  // something missed, from the store
+  state.current = properties;
+  state.received = performance.now();
+  showNow();
+}
+
+function toSeriesRow(p) {
+  return { time_utc: p.timestamp, mor_m: p.visibility.value, mor_low_m: p.visibility.minValue, mor_high_m: p.visibility.maxValue,
+           limit: p.visibility.limit, weather: p.weather, reason: p.reason };
+}
+
+async function loadCurrent() {
+  try {
+    takeCurrent((await getJson(`/v1/current?camera=${encodeURIComponent(state.camera)}`)).properties);
+  } catch (error) {
+    if (error.status === 503) text("weather", "waiting for the first frame");
+  }
+}
+
+// Up to the newest frame, which an archive's replay may have long ago.
+async function loadSeries() {
+  const end = state.current ? Date.parse(state.current.timestamp) + 1000 : Date.now();
+  const iso = (ms) => new Date(ms).toISOString().replace(/\.\d+Z/, "Z");
+  try {
+    series.set(await getObservations(state.camera, iso(end - 86400e3), iso(end + 1000), "raw"));
+  } catch (error) {
+    series.set(state.current ? [toSeriesRow(state.current)] : []);
+  }
+}
+
+async function loadPicture() {
+  const blob = await getBlob(`/v1/frames/latest.jpg?camera=${encodeURIComponent(state.camera)}&annotated=${$("annotated").checked}`);
+  $("picture").hidden = !blob;
+  $("no-picture").hidden = Boolean(blob);
+  if (!blob) return;
+  if (state.pictureUrl) URL.revokeObjectURL(state.pictureUrl);
+  state.pictureUrl = URL.createObjectURL(blob);
+  $("picture").src = state.pictureUrl;
+}
+
+function lightButton(light) {
+  const button = document.createElement("button");
+  button.type = "button";
+  button.dataset.light = light.id;
+  button.addEventListener("click", () => showProfile(light.id));
+  return button;
+}
+
+function placeMark(light, camera) {
+  const button = lightButton(light);
+  button.setAttribute("aria-label", `Lamp ${light.id}, ${light.state}: show its ring profile`);
+  button.style.left = `${(100 * (light.fit ? light.fit.x : light.x)) / camera.width}%`;
+  button.style.top = `${(100 * (light.fit ? light.fit.y : light.y)) / camera.height}%`;
+  return button;
+}
+
+async function loadLights() {
+  const { lights } = await getJson(`/v1/lights?camera=${encodeURIComponent(state.camera)}`);
+  const focused = document.activeElement && document.activeElement.dataset.light;
+  const inMarks = $("marks").contains(document.activeElement);
+  $("lights").replaceChildren(...lights.map((light) => {
+    const button = lightButton(light);
+    button.setAttribute("aria-pressed", String(light.id === state.selected));
+    const word = document.createElement("span");
+    word.className = `state ${light.state}`;
+    word.textContent = light.state;
+    const far = light.distance.value === null ? "" : ` ${lengthText(light.distance.value)}`;
+    button.append(`${light.id}${far} `, word);
+    const item = document.createElement("li");
+    item.append(button);
+    return item;
+  }));
+  const camera = state.cameras.find((one) => one.camera === state.camera);
+  $("marks").replaceChildren(...(camera && camera.width ? lights.map((light) => placeMark(light, camera)) : []));
+  if (focused) {
+    const again = (inMarks ? $("marks") : $("lights")).querySelector(`[data-light="${CSS.escape(focused)}"]`);
+    if (again) again.focus();
+  }
+  state.lights = lights;
+}
+
+async function showProfile(id) {
+  state.selected = id;
+  for (const button of $("lights").querySelectorAll("button"))
+    button.setAttribute("aria-pressed", String(button.dataset.light === id));
+  $("profile-box").hidden = false;
+  text("profile-title", `Lamp ${id}: ring profile`);
+  const light = state.lights.find((one) => one.id === id);
+  const fit = light && light.fit;
+  const number = (value, digits = 2) => (value === null ? "–" : value.toFixed(digits));
+  try {
+    const profile = await getJson(`/v1/lights/${encodeURIComponent(id)}/profile?camera=${encodeURIComponent(state.camera)}`);
+    drawProfile($("profile"), profile);
+    text("profile-facts", fit ? `points: measured with 1 σ; line: fit. σR ${number(fit.opticalThickness)}, strength ${number(fit.strengthRatio)} × reference, residual ${number(fit.residualRms)} σ, ${time(profile.timestamp)}` : time(profile.timestamp));
+  } catch (error) {
+    $("profile").textContent = "";
+    text("profile-facts", "No ring profile of this lamp is kept.");
+  }
+}
+
+function fact(name, value, kind = "") {
+  const box = document.createElement("div");
+  const term = document.createElement("dt");
+  const word = document.createElement("dd");
+  term.textContent = name;
+  word.textContent = value;
+  word.className = kind;
+  box.append(term, word);
+  return box;
+}
+
+async function loadHealth() {
+  const [{ cameras }, health] = await Promise.all([getJson("/v1/cameras"), getJson("/healthz")]);
+  state.cameras = cameras;
+  const facts = [fact("Station", health.status, health.status === "ok" ? "good" : "bad")];
+  for (const fault of health.faults) facts.push(fact("Fault", fault, "bad"));
+  for (const camera of cameras) {
+    const s = camera.sensor;
+    facts.push(fact(camera.camera, s.up ? "camera up" : s.fault ? s.fault.replaceAll("_", " ") : "camera down", s.up ? "good" : "bad"));
+    if (s.message) facts.push(fact("Message", s.message));
+    if (s.nextDue) facts.push(fact("Next frame", time(s.nextDue)));
+  }
+  $("health").replaceChildren(...facts);
+}
+
+function eventItem(event) {
+  const item = document.createElement("li");
+  const when = document.createElement("time");
+  when.dateTime = event.time;
+  when.textContent = time(event.time, true) + (event.camera ? ` · ${event.camera}` : "");
+  const words = document.createElement("span");
+  words.className = event.severity;
+  words.textContent = event.message;
+  item.append(when, words);
+  return item;
+}
+
+async function loadEvents() {
+  try {
+    const { events } = await getJson("/v1/events?limit=50");
+    $("events").replaceChildren(...events.reverse().map(eventItem));
+  } catch (error) {
+    $("events").textContent = "This station keeps no events.";
+  }
+}
+
+async function loadAll() {
+  await loadHealth();
+  if (!state.camera && state.cameras.length) state.camera = state.cameras[0].camera;
+  $("camera-label").hidden = state.cameras.length < 2;
+  $("camera").replaceChildren(...state.cameras.map((c) => new Option(c.camera, c.camera, false, c.camera === state.camera)));
+  await loadCurrent();
+  await Promise.all([loadSeries(), loadLights(), loadPicture(), loadEvents()]);
+}
+
+async function onMessage(type, data) {
+  if (type === "event") {
+    $("events").prepend(eventItem(data));
+    return loadHealth();
+  }
+  if (data.properties.camera !== state.camera) return undefined;
+  takeCurrent(data.properties);
+  series.add(toSeriesRow(data.properties));
+  await Promise.all([loadLights(), loadPicture(), loadHealth()]);
+  if (state.selected) await showProfile(state.selected);
+  return undefined;
+}
+
+function onConnection(connected) {
+  const back = connected && !state.connected;
+  state.connected = connected;
+  showNotice();
+  if (back) loadAll().catch((error) => console.info(error.message));
+}
+
+const THEMES = ["auto", "light", "dark", "night"];
+function showSettings() {
+  document.documentElement.dataset.theme = settings.theme;
+  text("unit", settings.unit);
+  text("zone", settings.zone);
+  text("theme", settings.theme);
+  $("unit").setAttribute("aria-label", `Unit of length: ${settings.unit === "m" ? "metres; change to miles" : "miles; change to metres"}`);
+  $("zone").setAttribute("aria-label", `Times: ${settings.zone}; change`);
+  $("theme").setAttribute("aria-label", `Colours: ${settings.theme}; change`);
+}
+
+function changeSetting(name, value) {
+  set(name, value);
+  showSettings();
+  showNow();
+  series.draw();
+  if (state.camera) Promise.all([loadLights(), loadHealth(), loadEvents()]).catch((error) => console.info(error.message));
+}
+
+$("unit").addEventListener("click", () => changeSetting("unit", settings.unit === "m" ? "mi" : "m"));
+$("zone").addEventListener("click", () => changeSetting("zone", settings.zone === "UTC" ? "local" : "UTC"));
+$("theme").addEventListener("click", () => changeSetting("theme", THEMES[(THEMES.indexOf(settings.theme) + 1) % THEMES.length]));
+$("annotated").addEventListener("change", loadPicture);
+$("camera").addEventListener("change", () => { state.camera = $("camera").value; state.selected = ""; $("profile-box").hidden = true; loadAll(); });
+showSettings();
+setInterval(showAge, 1000);
+setInterval(() => { if (isStale()) showNow(); }, 5000);
+follow(onMessage, onConnection);
