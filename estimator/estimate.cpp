@@ -28,7 +28,7 @@ std::string obstacle(const Bracket& bracket, const Site& site, const std::option
 // Where lamps can't be measured, what `calibrate` learned of the night's patches, in the dark.
 bool measured_by_patches(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
                          const EstimatorOptions& options, FrameResult& result) {
-  constexpr double kDark_deg = -6;
+  constexpr double kDark_deg = -9;
   if (!site.night || image.empty()) return false;
   if (site.latitude_deg && site.longitude_deg &&
       inference::sun_position(bracket.time_utc, *site.latitude_deg, *site.longitude_deg).altitude_deg >

@@ -14,7 +14,7 @@
 namespace lampglow::daemon {
 namespace {
 
-constexpr double kDark_deg = -6;
+constexpr double kDark_deg = -9;
 constexpr double kClearMor_m = 8000;  // frames this clear stand in for a clear reference
 
 struct NightFrame {
@@ -115,7 +115,7 @@ NightCalibrationResult learn_from_patches(const std::filesystem::path& archive,
   site.night = learning.calibration;
   result.learned = true;
   result.report = fmt::format(
-      "Night: learned from {} frames; hours left out in turn were foretold with an error of {:.2f} in ln σ "
+      "Night: learned from {} frames; half hours left out in turn were foretold with an error of {:.2f} in ln σ "
       "(rms), rank "
       "correlation {:.2f}, fog told from no fog at 1000 m in {:.0f} %\n",
       learning.frames, learning.rms_ln, learning.correlation, 100 * learning.fog_right);

@@ -157,7 +157,7 @@ PatchLearning learn_patches(std::span<const PatchFrame> frames, const PatchOptio
   const auto [low, high] = std::minmax_element(truth.begin(), truth.end());
   const std::vector<int> blocks = blocks_of(frames, options.block_s);
   if (*high - *low < options.least_spread || blocks.back() < 2) {
-    learning.why_not = "visibility hardly changed over the night frames, or they cover less than three hours";
+    learning.why_not = "visibility hardly changed over the night frames, or they cover too short a time";
     return learning;
   }
   double best_ridge = kRidges[0];
@@ -209,6 +209,14 @@ void measure_patches(const photometry::RadianceImage& image, const Camera& camer
   for (size_t i = 0; i < features.size(); ++i)
     ln_sigma += calibration.weight[i] * std::clamp((features[i] - calibration.mean[i]) / calibration.scale[i],
                                                    -options.farthest, options.farthest);
+  double strangeness = 0;
+  for (size_t i = 0; i < features.size(); ++i)
+    strangeness += std::min(std::pow((features[i] - calibration.mean[i]) / calibration.scale[i], 2), 16.0) /
+                   static_cast<double>(features.size());
+  if (strangeness > options.strangest) {
+    result.reason = "the picture is unlike those that the [night] calibration was learned from";
+    return;
+  }
   const double sd = calibration.log_extinction_sigma;
   observation.method = Method::glow;
   observation.quality.set(Quality::calibrated_distance);
