@@ -27,7 +27,7 @@ struct PatchOptions {
   double least_correlation = 0.5;  // Spearman's, in cross-validation
   double block_s = 1800;           // frames within this long are left out together
   double farthest = 4.0;           // z is cut here: one patch (a car) must not carry the answer
-  double strangest = 6.0;            // mean z² over the patches beyond which nothing is said
+  double strangest = 6.0;          // mean z² over the patches beyond which nothing is said
 };
 
 // ln(L_i + L_0) for every patch, row by row.
