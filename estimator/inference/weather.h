@@ -13,9 +13,9 @@ namespace lampglow::inference {
 Weather lecture_class(double q);
 
 struct AirEstimate {
-  double ln_sigma = 0, ln_sigma_sd = 0;     // posterior, about normal
-  std::optional<double> q, q_sd;            // empty: q says nothing
-  std::optional<double> relative_humidity;  // 0..1
+  double ln_sigma = 0, ln_sigma_sd = 0;                         // posterior, about normal
+  std::optional<double> q = std::nullopt, q_sd = std::nullopt;  // empty: q says nothing
+  std::optional<double> relative_humidity = std::nullopt;       // 0..1
   Limit limit = Limit::none;
 };
 
