@@ -47,7 +47,7 @@ const std::vector<Rule>& rules() {
        kPure},
       {"estimator/", {"estimator/"}, {}, kPure},
       {"storage/", Prefixes{"storage/"} + kTypes, {"sqlite3.h", "SQLiteCpp/"}, {}},
-      {"web/", Prefixes{"web/", "storage/"} + kTypes, {"boost/", "openssl/", "fmt/"}, {}},
+      {"web/", Prefixes{"web/", "storage/", "embedded_"} + kTypes, {"boost/", "openssl/", "fmt/"}, {}},
       {"daemon/",
        {"daemon/", "estimator/", "storage/", "web/"},
        {"boost/", "toml++/", "CLI/", "fmt/", "spdlog/", "opencv2/", "curl/", "libav", "libswscale/",
@@ -65,8 +65,9 @@ bool starts_with_any(const std::string& text, const Prefixes& prefixes) {
 // A header of the C++ or C library or of the system: no folder and no .h, or one of these.
 bool is_system(const std::string& header) {
   if (header.find('/') == std::string::npos && header.find('.') == std::string::npos) return true;
-  return starts_with_any(header, {"sys/", "netinet/", "arpa/", "netdb.h", "unistd.h", "fcntl.h", "poll.h",
-                                  "pthread.h", "signal.h", "dirent.h", "grp.h", "pwd.h", "termios.h"});
+  return starts_with_any(
+      header, {"sys/", "netinet/", "arpa/", "netdb.h", "unistd.h", "fcntl.h", "poll.h", "pthread.h",
+               "signal.h", "strings.h", "dirent.h", "grp.h", "pwd.h", "termios.h"});
 }
 
 // Why `file` (a path from the root) may not include `header`; empty if it may.
