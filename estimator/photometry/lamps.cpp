@@ -179,7 +179,11 @@ std::vector<DetectedLight> detect_lights(const RadianceImage& image, const Detec
   cv::Mat height = matched_filter(binning > 1 ? binned(image, binning) : image, options, psf);
   normalise(height, std::max(16, 2 * options.mesh_px / binning), options.mesh_samples);
   std::vector<Peak> peaks = find_peaks(height, options);
-  std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) { return a.height > b.height; });
+  std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) {
+    // Equal heights in reading order: OpenCV's threads may number the patches in any.
+    return a.height != b.height ? a.height > b.height
+                                : (a.row != b.row ? a.row < b.row : a.column < b.column);
+  });
 
   CentroidOptions centroid;
   centroid.window_sigma_px = std::max(1.0, 1.25 * options.psf_sigma_px);
