@@ -121,6 +121,13 @@ void add_simulate(CLI::App& program) {
       ->transform(CLI::CheckedTransformer(
           std::map<std::string, Style>{{"bracket", Style::bracket}, {"webcam", Style::webcam}}))
       ->default_str("bracket");
+  command
+      ->add_option(
+          "--luminaire", night.luminaire,
+          "even: the same light all round; cutoff: a disc that faces down over a ground of albedo 0.2 (slow)")
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, Luminaire>{{"even", Luminaire::even}, {"cutoff", Luminaire::cutoff}}))
+      ->default_str("even");
   command->add_flag("--day", arguments->day, "By day: dark targets against the horizon sky");
   command->add_flag("--night", arguments->night_too, "With --day: the whole 24 hours");
   command->add_option("--targets", night.targets_m, "Distances of the day's targets [m]")

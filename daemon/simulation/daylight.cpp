@@ -21,7 +21,7 @@ enum Stream : std::uint64_t {
   kClouds
 };
 
-constexpr double kCameraHeight_m = 8;
+constexpr double kEyeHeight_m = 8;
 constexpr double kGroundReflectance = 0.12;
 constexpr double kLampsOffAbove_deg = -2;
 constexpr double kBrightSky_lux = 5e4;           // at this illuminance ...
@@ -47,8 +47,8 @@ double illuminance_lux(double altitude_deg) {
 SkylineTarget make_target(double distance_m, int slot, int slots, Random& random) {
   SkylineTarget target;
   const double height_m = 11 * std::pow(distance_m / 150, 0.55) * random.uniform(0.9, 1.2);
-  const double over_horizon_px = (height_m - kCameraHeight_m * 0.5) / distance_m * kFocalLengthPx;
-  const double base_px = kCameraHeight_m * 0.5 / distance_m * kFocalLengthPx;
+  const double over_horizon_px = (height_m - kEyeHeight_m * 0.5) / distance_m * kFocalLengthPx;
+  const double base_px = kEyeHeight_m * 0.5 / distance_m * kFocalLengthPx;
   const int slot_px = (kWidthPx - 40) / slots;
   target.width_px = std::min(slot_px - 24, static_cast<int>(random.uniform(70, 120)));
   target.x_px = 20 + slot * slot_px + random.below(std::max(1, slot_px - target.width_px));
@@ -143,7 +143,7 @@ Thing thing_at(const Night& night, double x_px, double y_px) {
             nearest->reflectance};
   }
   if (y_px <= kHorizonRow) return {};
-  return {false, night.targets.size(), kCameraHeight_m * kFocalLengthPx / (y_px - kHorizonRow),
+  return {false, night.targets.size(), kEyeHeight_m * kFocalLengthPx / (y_px - kHorizonRow),
           kGroundReflectance};
 }
 

@@ -72,17 +72,35 @@ HaloProfile::HaloProfile(double ln_theta_first, double ln_theta_step, std::vecto
       ln_radiance_(std::move(ln_radiance)),
       relative_error_(std::move(relative_error)) {}
 
-double HaloProfile::radiance(double ln_theta) const {
-  if (dark()) return 0;
+HaloProfile HaloProfile::with_sectors(double ln_theta_first, double ln_theta_step,
+                                      std::vector<double> ln_radiance, int sectors) {
+  HaloProfile profile(ln_theta_first, ln_theta_step, std::move(ln_radiance), {});
+  profile.sectors_ = static_cast<size_t>(sectors);
+  return profile;
+}
+
+double HaloProfile::sector_radiance(double ln_theta, size_t sector) const {
+  const size_t bins = ln_radiance_.size() / sectors_;
+  const double* values = &ln_radiance_[sector * bins];
   const double position = (ln_theta - ln_theta_first_) / ln_theta_step_;
-  if (position <= 0) return std::exp(ln_radiance_.front() - (ln_theta - ln_theta_first_));
-  const auto bin = std::min(static_cast<size_t>(position), ln_radiance_.size() - 2);
+  if (position <= 0) return std::exp(values[0] - (ln_theta - ln_theta_first_));
+  const auto bin = std::min(static_cast<size_t>(position), bins - 2);
   const double share = std::min(position - static_cast<double>(bin), 1.0);
-  return std::exp(mix(ln_radiance_[bin], ln_radiance_[bin + 1], share));
+  return std::exp(mix(values[bin], values[bin + 1], share));
+}
+
+double HaloProfile::radiance(double ln_theta, double azimuth_rad) const {
+  if (dark()) return 0;
+  if (sectors_ == 1) return sector_radiance(ln_theta, 0);
+  const double turn = azimuth_rad / (2 * std::numbers::pi);
+  const double position = (turn - std::floor(turn)) * static_cast<double>(sectors_);
+  const auto sector = static_cast<size_t>(position) % sectors_;
+  return mix(sector_radiance(ln_theta, sector), sector_radiance(ln_theta, (sector + 1) % sectors_),
+             position - std::floor(position));
 }
 
 double HaloProfile::relative_error(double ln_theta) const {
-  if (dark()) return 0;
+  if (relative_error_.empty()) return 0;
   const double position = (ln_theta - ln_theta_first_) / ln_theta_step_;
   const double last = static_cast<double>(relative_error_.size() - 1);
   return relative_error_[static_cast<size_t>(std::clamp(position, 0.0, last))];

@@ -9,19 +9,29 @@
 namespace lampglow::simulation {
 
 // Scattered radiance [1/sr] at angle θ from a lamp, per irradiance that the lamp would give without air.
-// Log-log interpolation between the bins of the count; below the innermost bin it goes on as 1/θ.
+// Log-log interpolation between the bins of the count; below the innermost bin it goes on as 1/θ. A lamp that
+// does not shine evenly has a profile for each of several azimuths round it: 0 is up in the picture, π/2 to
+// the right.
 class HaloProfile {
  public:
   HaloProfile() = default;  // no light
   HaloProfile(double ln_theta_first, double ln_theta_step, std::vector<double> ln_radiance,
               std::vector<double> relative_error);
 
-  double radiance(double ln_theta) const;        // θ in radians, up to π
-  double relative_error(double ln_theta) const;  // of the count, one standard deviation
+  // ln_radiance: one profile after the other, azimuths k·2π/sectors.
+  static HaloProfile with_sectors(double ln_theta_first, double ln_theta_step,
+                                  std::vector<double> ln_radiance, int sectors);
+
+  double radiance(double ln_theta, double azimuth_rad = 0) const;  // θ in radians, up to π
+  double relative_error(double ln_theta) const;                    // of the count, one standard deviation
   bool dark() const { return ln_radiance_.empty(); }
+  bool even() const { return sectors_ == 1; }
 
  private:
+  double sector_radiance(double ln_theta, size_t sector) const;
+
   double ln_theta_first_ = 0, ln_theta_step_ = 1;
+  size_t sectors_ = 1;
   std::vector<double> ln_radiance_, relative_error_;
 };
 

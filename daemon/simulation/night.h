@@ -130,6 +130,7 @@ inline constexpr int kReferenceFrames = 2;
 inline constexpr double kLatitude_deg = 52.1;
 inline constexpr double kLongitude_deg = 5.18;
 inline constexpr double kCameraAzimuth_deg = 20;  // away from the sun
+inline constexpr double kCameraHeight_m = 4;      // above the ground that the lamps stand on
 inline constexpr double kHorizonRow = 300;
 inline constexpr int kWidthPx = 760;
 inline constexpr int kHeightPx = 504;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include "daemon/simulation/cutoff.h"
 #include "daemon/simulation/daylight.h"
 
 namespace lampglow::simulation {
@@ -64,8 +65,10 @@ PixelPosition shaken(const Frame& frame, double x_px, double y_px) {
 
 double lamp_electrons_per_s(const Night& night, const Frame& frame, size_t lamp) {
   const double nearness = kLampReferenceDistance_m / night.lamps[lamp].distance_m;
-  return kLampElectronsPerS * night.lamps[lamp].intensity * nearness * nearness * frame.lamp_strength[lamp] *
-         frame.gain;
+  const double towards =
+      night.options.luminaire == Luminaire::cutoff ? cutoff_intensity(night.lamps[lamp]) : 1;
+  return kLampElectronsPerS * towards * night.lamps[lamp].intensity * nearness * nearness *
+         frame.lamp_strength[lamp] * frame.gain;
 }
 
 Renderer::Renderer(const Night& night, const HaloLibrary& halos)
@@ -96,11 +99,18 @@ void Renderer::add_halo(Image<double>& canvas, const HaloProfile& halo, PixelPos
       for (int i = 0; i < samples * samples; ++i) {
         const double sub_x = x + (i % samples + 0.5) / samples;
         const double sub_y = y + (i / samples + 0.5) / samples;
-        sum += halo.radiance(std::max(ln_angle(ray_of(sub_x, sub_y), to_lamp), -12.0));
+        const double azimuth = halo.even() ? 0 : std::atan2(sub_x - lamp.x_px, lamp.y_px - sub_y);
+        sum += halo.radiance(std::max(ln_angle(ray_of(sub_x, sub_y), to_lamp), -12.0), azimuth);
       }
       canvas.at(column, row) += scale * sum / (samples * samples);
     }
   }
+}
+
+HaloProfile Renderer::halo_of_lamp(const Frame& frame, size_t lamp) const {
+  if (frame.lamp_strength[lamp] <= 0) return {};
+  if (night_.options.luminaire == Luminaire::cutoff) return cutoff_halo(night_, frame, lamp);
+  return halos_.profile(frame.q, frame.extinction_per_m * night_.lamps[lamp].distance_m);
 }
 
 Image<double> Renderer::still_scene(const Frame& frame) const {
@@ -108,8 +118,8 @@ Image<double> Renderer::still_scene(const Frame& frame) const {
   add_sky(canvas, frame);
   for (size_t l = 0; l < night_.lamps.size(); ++l) {
     const Lamp& lamp = night_.lamps[l];
-    const HaloProfile halo = halos_.profile(frame.q, frame.extinction_per_m * lamp.distance_m);
-    add_halo(canvas, halo, shaken(frame, lamp.x_px, lamp.y_px), lamp_electrons_per_s(night_, frame, l));
+    add_halo(canvas, halo_of_lamp(frame, l), shaken(frame, lamp.x_px, lamp.y_px),
+             lamp_electrons_per_s(night_, frame, l));
   }
   lens_.blur(canvas);
   Image<double> picture = crop(canvas);

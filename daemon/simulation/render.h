@@ -39,6 +39,7 @@ class Renderer {
 
  private:
   void add_sky(Image<double>& canvas, const Frame& frame) const;
+  HaloProfile halo_of_lamp(const Frame& frame, size_t lamp) const;
   void add_halo(Image<double>& canvas, const HaloProfile& halo, PixelPosition lamp,
                 double electrons_per_s) const;
 

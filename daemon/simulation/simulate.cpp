@@ -76,7 +76,8 @@ class ArchiveMaker {
   void make_frame(size_t index) {
     const Frame& frame = night_.frames[index];
     take_pictures(index, renderer_.still_scene(frame));
-    if (night_.options.hours != Hours::night) return;  // the bound knows lamps, not targets
+    // The bound knows even lamps, not targets.
+    if (night_.options.hours != Hours::night || night_.options.luminaire != Luminaire::even) return;
     std::vector<double> exposures_s = {exposures_s_[index]};
     if (night_.options.style == Style::bracket)
       exposures_s.assign(kNightBracket_s.begin(), kNightBracket_s.end());
@@ -137,7 +138,9 @@ void simulate_night(const NightOptions& options, const SimulationRun& run, const
   cv::setNumThreads(1);  // frames are made in parallel already
   std::filesystem::create_directories(run.directory / "images");
   const Night night = plan_night(options);
-  const HaloLibrary halos(halo_runs(night), run.photons, options.seed, run.workers,
+  // With cut-off luminaires only cars have even halos.
+  const std::uint64_t photons = options.luminaire == Luminaire::even ? run.photons : run.photons / 10;
+  const HaloLibrary halos(halo_runs(night), photons, options.seed, run.workers,
                           [&](int done, int of) { progress("counting photons", done, of); });
   ArchiveMaker maker(night, halos, run.directory);
   int done = 0;
