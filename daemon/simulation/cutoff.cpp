@@ -16,7 +16,7 @@ constexpr int kSectors = 12;
 constexpr size_t kRings = 22;
 constexpr double kFirstDeg = 0.08;
 constexpr double kLastDeg = 60;
-constexpr std::uint64_t kPathsPerBin = 1000;  // left and right are alike, so each value has twice as many
+constexpr std::uint64_t kPathsPerBin = 600;  // left and right are alike, so each value has twice as many
 
 double below_deg(const Lamp& lamp) {
   return std::asin((lamp.height_m - kCameraHeight_m) / lamp.distance_m) * 180 / std::numbers::pi;

@@ -55,7 +55,7 @@ struct NightOptions {
 };
 
 struct Lamp {
-  std::string id;
+  std::string id{};
   double x_px = 0, y_px = 0;  // in the picture of a camera at rest
   double distance_m = 0;
   double intensity = 1;  // towards the camera, 1 is the usual lamp's
@@ -80,7 +80,7 @@ struct SunAngles {
 
 // A dark object on the skyline: tree line, building, hill.
 struct SkylineTarget {
-  std::string id;
+  std::string id{};
   int x_px = 0, y_px = 0, width_px = 0, height_px = 0;
   double distance_m = 0;
   double reflectance = 0.06;

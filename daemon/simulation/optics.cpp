@@ -27,13 +27,16 @@ double glare(const PointSpread& spread, double r_px) {
                                (1 - spread.near_share) * skirt(spread.far_glare_px, r_px));
 }
 
-void add_point(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy) {
+void add_glare(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy) {
   if (energy <= 0) return;
   for (int row = 0; row < picture.height_px; ++row) {
     for (int column = 0; column < picture.width_px; ++column) {
       picture.at(column, row) += energy * glare(spread, std::hypot(column + 0.5 - x_px, row + 0.5 - y_px));
     }
   }
+}
+
+void add_core(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy) {
   const int reach = static_cast<int>(std::ceil(7 * spread.core_sigma_px));
   const int centre_column = static_cast<int>(std::floor(x_px));
   const int centre_row = static_cast<int>(std::floor(y_px));
@@ -45,6 +48,11 @@ void add_point(Image<double>& picture, const PointSpread& spread, double x_px, d
       picture.at(column, row) += core_energy * share * gaussian_share(x_px, spread.core_sigma_px, column);
     }
   }
+}
+
+void add_point(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy) {
+  add_core(picture, spread, x_px, y_px, energy);
+  add_glare(picture, spread, x_px, y_px, energy);
 }
 
 struct Lens::Spectrum {

@@ -22,6 +22,10 @@ double glare(const PointSpread& spread, double r_px);
 // pixel.
 void add_point(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy);
 
+// The two parts of it: energy (1 - glare_share) in the core, the rest in the glare.
+void add_core(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy);
+void add_glare(Image<double>& picture, const PointSpread& spread, double x_px, double y_px, double energy);
+
 // Convolves pictures of one size with the point spread. The picture's edges wrap round, so leave a margin.
 class Lens {
  public:

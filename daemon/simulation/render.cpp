@@ -133,25 +133,30 @@ Image<double> Renderer::still_scene(const Frame& frame) const {
   return picture;
 }
 
+// A moving lamp draws a streak of touching points; its halo and glare are so wide that a few places do.
 void Renderer::add_cars(Image<double>& picture, const Frame& frame, double start_s, double end_s) const {
-  constexpr int kSteps = 4;  // of the streak that a moving lamp draws
   for (const Car& car : frame.cars) {
     const double nearness = kLampReferenceDistance_m / car.distance_m;
     const double electrons = kLampElectronsPerS * car.intensity * nearness * nearness * frame.gain;
     const double thickness = frame.extinction_per_m * car.distance_m;
-    const HaloProfile halo = halos_.profile(frame.q, thickness);
     const double middle_px = car.x_px + car.speed_px_per_s * 0.5 * (start_s + end_s);
     Image<double> canvas(kCanvasWidthPx, kCanvasHeightPx);
-    add_halo(canvas, halo, shaken(frame, middle_px, car.y_px), 2 * electrons);
+    add_halo(canvas, halos_.profile(frame.q, thickness), shaken(frame, middle_px, car.y_px), 2 * electrons);
     lens_.blur(canvas);
     const Image<double> glow = crop(canvas);
     for (size_t i = 0; i < picture.pixels.size(); ++i) picture.pixels[i] += glow.pixels[i];
-    for (int step = 0; step < kSteps; ++step) {
-      const double time_s = start_s + (end_s - start_s) * (step + 0.5) / kSteps;
-      for (const double side : {-0.5, 0.5}) {
+    const double direct = electrons * std::exp(-thickness);
+    const double length_px = std::abs(car.speed_px_per_s) * (end_s - start_s);
+    const int steps = std::clamp(static_cast<int>(std::ceil(length_px)), 1, 400);
+    const int steps_per_glare = (steps + 3) / 4;
+    for (const double side : {-0.5, 0.5}) {
+      for (int step = 0; step < steps; ++step) {
+        const double time_s = start_s + (end_s - start_s) * (step + 0.5) / steps;
         const double x_px = car.x_px + car.speed_px_per_s * time_s + side * car.spacing_px;
         const PixelPosition at = shaken(frame, x_px, car.y_px);
-        add_point(picture, spread_, at.x_px, at.y_px, electrons * std::exp(-thickness) / kSteps);
+        add_core(picture, spread_, at.x_px, at.y_px, direct / steps);
+        const int left = std::min(steps_per_glare, steps - step);
+        if (step % steps_per_glare == 0) add_glare(picture, spread_, at.x_px, at.y_px, direct * left / steps);
       }
     }
   }

@@ -6,9 +6,9 @@ Each row is one kind of night. `lampglow simulate` makes the archives (halos are
 Cramér-Rao bound of the same frames. A row below its floor fails the run (exit code 1); floors are what was measured
 less the scatter of so few frames, and `goal` is what the project wants.
 
-    tests/bench/accuracy.py --binary build/release/daemon/lampglow                 # quick, for CI
-    tests/bench/accuracy.py --binary ... --frames 45 --seeds 3 --photons 1000000   # thorough, takes long
-    tests/bench/accuracy.py --binary ... --row "webcam, 7 lamps" --keep /tmp/bench
+    tests/bench/accuracy/accuracy.py --binary build/release/daemon/lampglow                 # quick, for CI
+    tests/bench/accuracy/accuracy.py --binary ... --frames 45 --seeds 3 --photons 1000000   # thorough, takes long
+    tests/bench/accuracy/accuracy.py --binary ... --row "webcam, 7 lamps" --keep /tmp/bench
 """
 import argparse
 import csv
