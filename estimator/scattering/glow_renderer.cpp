@@ -142,9 +142,18 @@ class Renderer {
       const double offset = std::hypot(x, y);
       return offset < kInnerEnd ? inner_share(offset) * kernel.pixel(x, y) : 0.0;
     });
+    // Far out the kernel is smooth: a quarter of a coarse pixel is fine enough to interpolate between (2e-4
+    // at worst).
+    const double reach = std::hypot(layout_.coarse_width, layout_.coarse_height);
+    std::vector<double> radial(static_cast<std::size_t>(4 * reach) + 3);
+    for (std::size_t i = 0; i < radial.size(); ++i) {
+      const double offset = static_cast<double>(i) / 4 * kCoarse;
+      radial[i] = offset > kInnerFull ? (1 - inner_share(offset)) * kernel.at(offset) : 0;
+    }
     fill_kernel(outer_, layout_.coarse_width, layout_.coarse_height, [&](int x, int y) {
-      const double offset = std::hypot(x, y) * kCoarse;
-      return offset > kInnerFull ? (1 - inner_share(offset)) * kernel.at(offset) : 0.0;
+      const double position = 4 * std::sqrt(static_cast<double>(x * x + y * y));
+      const auto i = static_cast<std::size_t>(position);
+      return radial[i] + (position - static_cast<double>(i)) * (radial[i + 1] - radial[i]);
     });
   }
 
