@@ -56,12 +56,13 @@ inline photometry::RadianceImage draw_day(const DayScene& scene, double sigma, s
     }
   for (size_t i = 0; i < scene.distances_m.size(); ++i) {
     const Target& box = scene.site.targets[i];
-    const double own = 0.02 + 0.05 * sun + 0.05 * uniform(random);
-    const double t = std::exp(-sigma * (1 + 0.03 * normal(random)) * scene.distances_m[i]);
+    const double own = 0.02 + 0.06 * sun + 0.07 * uniform(random);
+    const double t = std::exp(-sigma * (1 + 0.05 * normal(random)) * scene.distances_m[i]);
+    const double horizon_there = airlight * (1 + 0.005 * normal(random));
     for (int y = static_cast<int>(box.y_px) + sky_shows; y < static_cast<int>(box.y_px + box.height_px); ++y)
       for (int x = static_cast<int>(box.x_px); x < static_cast<int>(box.x_px + box.width_px); ++x) {
         const double surface = own * airlight * (1 + 0.2 * normal(random));
-        image.radiance.at(x, y) = static_cast<float>(surface * t + airlight * (1 - t));
+        image.radiance.at(x, y) = static_cast<float>(surface * t + horizon_there * (1 - t));
       }
   }
   for (size_t i = 0; i < image.radiance.pixels.size(); ++i) {
