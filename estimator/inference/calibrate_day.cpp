@@ -257,7 +257,7 @@ std::vector<double> cross_validate(const Data& all, const std::vector<Target>& t
     site.targets = learning.targets;
     site.day = learning.day;
     for (const DaySample& sample : *all.samples) {
-      if (hour_of(sample.time_utc) != hour) continue;
+      if (hour_of(sample.time_utc) != hour || sample.mor_m > o.farthest_judged_m) continue;
       const ContrastFit found = fit_contrast(view_of(sample, targets, learning.targets), site);
       if (found.posterior.empty()) continue;
       const SigmaBounds bounds = sigma_bounds(found.posterior, {.widest_ratio = 8.0});
@@ -316,8 +316,9 @@ std::optional<DayLearning> learn_day(const std::vector<DaySample>& samples,
   result.cross_validated = static_cast<int>(errors.size());
   result.cross_median_abs_ln = errors.empty() ? 0 : median(errors);
   // Too little to validate with: an assumption, which the report says.
-  result.day.log_extinction_sigma =
-      errors.size() < 5 ? 0.5 : std::max(1.4826 * result.cross_median_abs_ln, 0.1);
+  result.day.log_extinction_sigma = errors.size() < 5 ? options.most_error
+                                                      : std::clamp(1.4826 * result.cross_median_abs_ln,
+                                                                   options.least_error, options.most_error);
   return result;
 }
 

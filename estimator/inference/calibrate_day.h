@@ -29,6 +29,10 @@ struct DayLearningOptions {
   double lighting_sigma = 0.3;                       // of each target's answer to the light
   double nearest_m = 15;            // what acts nearer than this does not fade: dirt, overlay, noise
   double independent_targets = 12;  // neighbours share clouds, shadows and wind
+  // Clearer frames are no test: their targets are hardly veiled. Learning without one of few hours is harder
+  // than what the result is used for, so the error taken from it is held within bounds.
+  double farthest_judged_m = 15e3;
+  double least_error = 0.1, most_error = 0.5;
   int least_samples = 8;
   int least_targets = 5;
 };

@@ -15,7 +15,7 @@ struct DayOptions {
   // A value is given while σ's upper 95 % bound over its lower is at most this: for targets of known
   // distance, and for learned ones, which tell the order and roughly the size.
   double widest_ratio = 3.0;
-  double widest_ratio_learned = 12.0;
+  double widest_ratio_learned = 20.0;
   // Fog known to be thicker than this is a value, the posterior's median, even where nothing bounds it below:
   // the WMO limits are ±50 m there.
   double dense_fog_mor_m = 150;
