@@ -2,9 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <numbers>
 #include <thread>
 #include <vector>
@@ -139,14 +139,14 @@ TEST(MonteCarloAccuracy, PhotonsInABallOfFogGiveTheValuesOfPhysicsMd) {
   }
 }
 
-// The shortest of many runs: what the code costs when nobody else has the core.
+// Processor time of the shortest of several runs: what the code costs when nobody else has the core.
 template <typename F>
 double seconds(int repeats, F&& work) {
   double best = 1e9;
   for (int i = 0; i < repeats; ++i) {
-    const auto begin = std::chrono::steady_clock::now();
+    const std::clock_t begin = std::clock();
     work();
-    best = std::min(best, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+    best = std::min(best, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
   }
   return best;
 }
@@ -155,14 +155,19 @@ TEST(Speed, ProfileOf64RingsWithBothDerivativesInTenMicroseconds) {
   std::vector<double> theta, total(64), d_t(64), d_q(64);
   for (int i = 0; i < 64; ++i) theta.push_back(0.15 * std::pow(50, i / 63.0) * kDegree);
   const double time =
-      seconds(3000, [&] { default_glow_table().profile(1.5, 0.85, 0.98, theta, total, d_t, d_q); });
+      seconds(50,
+              [&] {
+                for (int i = 0; i < 200; ++i)
+                  default_glow_table().profile(1.5 + 0.001 * i, 0.85, 0.98, theta, total, d_t, d_q);
+              }) /
+      200;
   std::printf("profile of 64 rings: %.2f us\n", time * 1e6);
 #ifndef __SANITIZE_ADDRESS__
   EXPECT_LE(time, 10e-6);
 #endif
 }
 
-TEST(Speed, RenderingCostsAtMostTwiceItsTransforms) {
+TEST(Speed, RenderingCostsAtMostHalfMoreThanItsTransforms) {
   RenderOptions options;
   options.medium = {0.01, 1, 0.9};
   options.focal_length_px = 5000;
@@ -171,8 +176,7 @@ TEST(Speed, RenderingCostsAtMostTwiceItsTransforms) {
   const double bare = seconds(3, [&] { bare_transforms(4000, 3000); });
   std::printf("12 Mpixel: %.2f s, bare transforms %.2f s, ratio %.2f\n", render, bare, render / bare);
 #ifndef __SANITIZE_ADDRESS__
-  // The aim is 1.5; 1.66 to 1.74 was measured on a busy machine (2026-11-22).
-  EXPECT_LE(render / bare, 2);
+  EXPECT_LE(render / bare, 1.5);
 #endif
 }
 
