@@ -15,6 +15,7 @@
 #include "daemon/sources/image_file.h"
 #include "estimator/photometry/lamps.h"
 #include "estimator/photometry/radiance.h"
+#include "estimator/photometry/targets.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -25,6 +26,7 @@ struct Arguments {
   std::string order = "x";
   int most = 60;
   double threshold_sigma = 8;
+  bool day = false;
 };
 
 // Without a site file: sRGB for 8 bits, linear for more, with the least depth that holds the brightest pixel.
@@ -132,7 +134,34 @@ std::vector<Mark> marks_of(const photometry::Survey& survey,
   return marks;
 }
 
+// Dark and textured places of clear daylight pictures, as [[target]] blocks.
+void survey_targets(const Arguments& arguments) {
+  const PlainImage first = load_plain_image(arguments.images.front());
+  const Camera camera =
+      arguments.camera.empty() ? guess_camera(first) : read_site_file(arguments.camera).camera;
+  std::vector<photometry::RadianceImage> frames;
+  for (const std::string& file : arguments.images) {
+    frames.push_back(photometry::to_radiance(as_bracket(load_plain_image(file), file), camera));
+    if (frames.back().empty()) throw DataError(file + ": " + frames.back().fault);
+  }
+  photometry::DaySurveyOptions options;
+  options.most_targets = arguments.most;
+  const photometry::DaySurvey found = photometry::survey_day(frames, options);
+  if (found.targets.empty())
+    throw DataError("no skyline found in " + arguments.images.front() + " (is it a clear day's picture?)");
+  std::string text = fmt::format("# lampglow survey --day: {} targets; add distance_m where it is known\n",
+                                 found.targets.size());
+  for (std::size_t i = 0; i < found.targets.size(); ++i)
+    text += fmt::format("\n# {}\n", found.skyline[i] ? "on the skyline" : "below the skyline") +
+            format_target(found.targets[i]);
+  if (arguments.out.empty())
+    fmt::print("{}", text);
+  else
+    write_file_atomically(arguments.out, text);
+}
+
 void survey(const Arguments& arguments) {
+  if (arguments.day) return survey_targets(arguments);
   const PlainImage first = load_plain_image(arguments.images.front());
   const Camera camera =
       arguments.camera.empty() ? guess_camera(first) : read_site_file(arguments.camera).camera;
@@ -181,6 +210,8 @@ void add_survey(CLI::App& program) {
                    "Faintest light, in standard deviations of the noise")
       ->check(CLI::Range(3.0, 1000.0))
       ->capture_default_str();
+  command->add_flag("--day", arguments->day,
+                    "Find targets for the day in clear daylight pictures instead of lamps");
   command->footer(
       "The lights' places are those of the first picture.\n"
       "Example:\n  lampglow survey clear-1.png clear-2.png clear-3.png --camera site.toml --annotated "

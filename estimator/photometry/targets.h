@@ -13,7 +13,7 @@ namespace lampglow::photometry {
 
 struct DaySurveyOptions {
   int cells_across = 16;   // the picture's width is cut into so many boxes, as high as wide
-  double least_snr = 25;   // gradient energy over noise, in the median of the frames
+  double least_snr = 12;   // gradient energy over noise, in the median of the frames
   double edge_part = 0.3;  // of a box's columns that the skyline must cross to call it skyline
   int most_targets = 200;  // the strongest are kept
 };
