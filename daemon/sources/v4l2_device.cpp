@@ -60,7 +60,10 @@ YuvCoding coding_of(const v4l2_pix_format& pix) {
     coding.red_weight = 0.2126;
     coding.blue_weight = 0.0722;
   }
-  coding.full_range = pix.quantization == V4L2_QUANTIZATION_FULL_RANGE;
+  // By default YUV has limited range, but not that of JPEG.
+  coding.full_range =
+      pix.quantization == V4L2_QUANTIZATION_FULL_RANGE ||
+      (pix.quantization == V4L2_QUANTIZATION_DEFAULT && pix.colorspace == V4L2_COLORSPACE_JPEG);
   return coding;
 }
 

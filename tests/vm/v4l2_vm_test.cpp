@@ -246,12 +246,14 @@ TEST_F(Vivid, NightFramesThroughTheKernelBitForBit) {
   source->next({});
   const auto bracket = source->next({});
   ASSERT_TRUE(bracket);
-  RawFrame raw{find_raw_format("YUYV"),
-               kWidth,
-               kHeight,
-               2u * kWidth,
-               {.red_weight = 0.2126, .blue_weight = 0.0722},
-               yuyv};
+  // The range of the samples is the device's to say.
+  const Descriptor input = open_device(kCamera);
+  v4l2_format capture{};
+  capture.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+  ASSERT_EQ(::ioctl(input.get(), VIDIOC_G_FMT, &capture), 0);
+  YuvCoding coding{.red_weight = 0.2126, .blue_weight = 0.0722};
+  coding.full_range = capture.fmt.pix.quantization == V4L2_QUANTIZATION_FULL_RANGE;
+  RawFrame raw{find_raw_format("YUYV"), kWidth, kHeight, 2u * kWidth, coding, yuyv};
   const Exposure expected = decode_raw_frame(raw, "", 10'000'000);
   const auto& got = bracket->exposures.at(0).pixels.pixels;
   std::size_t different = 0;
