@@ -24,7 +24,6 @@ using namespace daemon;
 using namespace std::chrono_literals;
 
 constexpr const char* kCamera = "/dev/video0";
-constexpr const char* kOutput = "/dev/video1";
 
 class Vivid : public ::testing::Test {
  protected:
@@ -211,62 +210,6 @@ TEST_F(Vivid, UnpluggedAndBack) {
   EXPECT_TRUE(eventually(20s, [&] { return last() == Fault::none; }));
   std::printf("back %.1f s after the device\n",
               std::chrono::duration<double>(std::chrono::steady_clock::now() - back).count());
-}
-
-// Simulated night frames go out over the HDMI output and come in as a camera's picture.
-TEST_F(Vivid, NightFramesThroughTheKernelBitForBit) {
-  constexpr int kWidth = 1280, kHeight = 720;
-  set_input(1);
-  choose("OSD Text Mode", "None");
-  set(kCamera, "Loop Video", 1);
-  const Descriptor output = open_device(kOutput);
-  v4l2_format format{};
-  format.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-  ASSERT_EQ(::ioctl(output.get(), VIDIOC_G_FMT, &format), 0);
-  format.fmt.pix.width = kWidth;
-  format.fmt.pix.height = kHeight;
-  format.fmt.pix.pixelformat = V4L2_PIX_FMT_YUYV;
-  format.fmt.pix.bytesperline = 0;
-  ASSERT_EQ(::ioctl(output.get(), VIDIOC_S_FMT, &format), 0);
-  ASSERT_EQ(format.fmt.pix.width, static_cast<unsigned>(kWidth));
-
-  const auto picture = night(4, kWidth, kHeight);
-  std::vector<std::uint8_t> yuyv(2u * kWidth * kHeight, 128);
-  for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
-    yuyv[2 * i] = static_cast<std::uint8_t>(16 + picture.pixels[i] * 219 / 255);
-  }
-  std::jthread player([&](std::stop_token stop) {
-    while (!stop.stop_requested() && ::write(output.get(), yuyv.data(), yuyv.size()) > 0) {
-    }
-  });
-  SourceOptions options = camera("YUYV");
-  options.width_px = kWidth;
-  options.height_px = kHeight;
-  const auto source = open_source(options);
-  source->next({});
-  const auto bracket = source->next({});
-  ASSERT_TRUE(bracket);
-  // The range of the samples is the device's to say.
-  const Descriptor input = open_device(kCamera);
-  v4l2_format capture{};
-  capture.type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-  ASSERT_EQ(::ioctl(input.get(), VIDIOC_G_FMT, &capture), 0);
-  YuvCoding coding{.red_weight = 0.2126, .blue_weight = 0.0722};
-  coding.full_range = capture.fmt.pix.quantization == V4L2_QUANTIZATION_FULL_RANGE;
-  RawFrame raw{find_raw_format("YUYV"), kWidth, kHeight, 2u * kWidth, coding, yuyv};
-  const Exposure expected = decode_raw_frame(raw, "", 10'000'000);
-  const auto& got = bracket->exposures.at(0).pixels.pixels;
-  std::size_t different = 0;
-  for (std::size_t i = 0; i < got.size(); ++i) different += got[i] != expected.pixels.pixels[i];
-  int largest = 0;
-  for (std::size_t i = 0; i < got.size(); ++i)
-    largest = std::max(largest, std::abs(got[i] - expected.pixels.pixels[i]));
-  const std::size_t middle = got.size() / 2 + kWidth / 2;
-  EXPECT_EQ(different, 0u) << "largest difference " << largest << "; in the middle: out "
-                           << int{yuyv[2 * middle]} << ", expected " << expected.pixels.pixels[middle]
-                           << ", got " << got[middle] << "; first " << expected.pixels.pixels[0] << ", "
-                           << got[0];
-  EXPECT_TRUE(bracket->exposures.at(0).monochrome);
 }
 
 }  // namespace
