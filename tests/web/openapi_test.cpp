@@ -159,7 +159,7 @@ TEST_F(OpenApiTest, EveryAnswerIsAsDescribed) {
                 .at("features")
                 .as_array()
                 .size(),
-            61u);
+            62u);
   checked("/v1/observations", "/v1/observations?format=csv");
   EXPECT_EQ(checked("/v1/cameras", "/v1/cameras").at("cameras").as_array().size(), 1u);
   EXPECT_EQ(checked("/v1/lights", "/v1/lights").at("lights").as_array().size(), 3u);
