@@ -46,7 +46,7 @@ double percentile_dn(const Image<std::uint16_t>& pixels, double share) {
 }
 
 // 8-bit grey for the eye, at most max_width_px wide.
-cv::Mat stretched(const Image<std::uint16_t>& pixels, const Camera& camera, const PictureOptions& options,
+cv::Mat stretched(const Image<std::uint16_t>& pixels, const Camera& camera, const JpegOptions& options,
                   double& scale) {
   const double black = camera.black_level_dn;
   const double white =
@@ -66,7 +66,7 @@ cv::Mat stretched(const Image<std::uint16_t>& pixels, const Camera& camera, cons
   return grey;
 }
 
-std::vector<std::uint8_t> to_jpeg(const cv::Mat& picture, const PictureOptions& options) {
+std::vector<std::uint8_t> to_jpeg(const cv::Mat& picture, const JpegOptions& options) {
   std::vector<std::uint8_t> bytes;
   cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});
   return bytes;
@@ -130,14 +130,14 @@ const Exposure* exposure_to_show(const Bracket& bracket, const Camera& camera) {
 }
 
 std::vector<std::uint8_t> plain_jpeg(const Image<std::uint16_t>& pixels, const Camera& camera,
-                                     const PictureOptions& options) {
+                                     const JpegOptions& options) {
   double scale = 1;
   return to_jpeg(stretched(pixels, camera, options, scale), options);
 }
 
 std::vector<std::uint8_t> annotated_jpeg(const Image<std::uint16_t>& pixels, const Camera& camera,
                                          std::span<const LampFit> lamps, std::span<const Target> targets,
-                                         const PictureOptions& options) {
+                                         const JpegOptions& options) {
   double scale = 1;
   cv::Mat picture;
   cv::cvtColor(stretched(pixels, camera, options, scale), picture, cv::COLOR_GRAY2BGR);

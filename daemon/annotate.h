@@ -13,7 +13,7 @@
 
 namespace lampglow::daemon {
 
-struct PictureOptions {
+struct JpegOptions {
   int max_width_px = 960;  // larger pictures are scaled down
   int jpeg_quality = 82;   // 1..100
 };
@@ -25,12 +25,12 @@ const Exposure* exposure_to_show(const Bracket& bracket, const Camera& camera);
 // A plain JPEG, stretched so that the night shows: from the black level to the 99.9th percentile, with a
 // gamma of 2.2 for linear cameras.
 std::vector<std::uint8_t> plain_jpeg(const Image<std::uint16_t>& pixels, const Camera& camera,
-                                     const PictureOptions& options = {});
+                                     const JpegOptions& options = {});
 
 // The same with a ring and the id at each lamp, coloured by its state, and boxes at the day targets.
 std::vector<std::uint8_t> annotated_jpeg(const Image<std::uint16_t>& pixels, const Camera& camera,
                                          std::span<const LampFit> lamps, std::span<const Target> targets = {},
-                                         const PictureOptions& options = {});
+                                         const JpegOptions& options = {});
 
 // "#3fb950": the colour that stands for a state in pictures and pages.
 std::string state_colour(LampState state);

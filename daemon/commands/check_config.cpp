@@ -7,6 +7,7 @@
 
 #include "daemon/commands/commands.h"
 #include "daemon/config/site_file.h"
+#include "daemon/station/config.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -28,15 +29,34 @@ void describe_site(const Site& site) {
     fmt::print("latitude and longitude are not given: day and night are told from the picture alone\n");
 }
 
+// The daemon's configuration holds a site's tables too, but also where the frames come from.
+void check(const std::string& file) {
+  ConfigFile parsed = ConfigFile::read(file);
+  bool is_station = false;
+  for (const char* key :
+       {"source", "cameras", "site_file", "schedule", "station", "http", "keep", "pictures"})
+    is_station = is_station || parsed.root().has(key);
+  if (!is_station) return describe_site(read_site_file(file));
+  const StationConfig station = read_station_config(file);
+  fmt::print("station with {} cameras, HTTP on {}:{}\n", station.cameras.size(), station.http.address,
+             station.http.port);
+  for (const CameraConfig& camera : station.cameras) {
+    fmt::print("camera {}: ", camera.name);
+    describe_site(camera.site);
+  }
+}
+
 }  // namespace
 
 void add_check_config(CLI::App& program) {
-  CLI::App* command =
-      program.add_subcommand("check-config", "Read a site file and tell everything wrong in it");
+  CLI::App* command = program.add_subcommand(
+      "check-config", "Read a site file or the daemon's configuration and tell everything wrong in it");
   auto file = std::make_shared<std::string>();
-  command->add_option("FILE", *file, "The site file")->required();
-  command->footer("Example:\n  lampglow check-config archive/site.toml");
-  command->callback([file] { describe_site(read_site_file(*file)); });
+  command->add_option("FILE", *file, "The site file or configuration")->required();
+  command->footer(
+      "Example:\n  lampglow check-config archive/site.toml\n  lampglow check-config "
+      "/etc/lampglow/lampglow.toml");
+  command->callback([file] { check(*file); });
 }
 
 }  // namespace lampglow::daemon

@@ -9,6 +9,7 @@
 #include "daemon/errors.h"
 #include "daemon/replay/ordered_pool.h"
 #include "daemon/sources/archive.h"
+#include "estimator/inference/sequence.h"
 #include "estimator/observation_csv.h"
 #include "storage/store.h"
 
@@ -114,10 +115,13 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
                            std::to_string(clear.size()) + " clear_reference brackets");
 
   Writer writer(options, run.site);
+  inference::Sequence sequence;  // hysteresis, trends and the past hour need the order of time
   OrderedPool<Bracket, Estimated> pool(
       [&](const std::stop_token& stopped) { return source.next(stopped); },
       [&](Bracket&& bracket) { return estimate_frame(bracket, run, options.estimator); },
       [&](Estimated&& frame) {
+        if (frame.role == FrameRole::observation)
+          frame.result.observation = sequence.add(std::move(frame.result.observation));
         writer.put(frame.result);
         const TimePoint time = frame.result.observation.time_utc;
         if (!frame.fault.empty()) run.warnings.push_back(format_time_utc(time) + ": " + frame.fault);
