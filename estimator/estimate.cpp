@@ -86,6 +86,14 @@ void merge_day(const FrameResult& day, std::optional<double> altitude_deg, const
     result.reason = day.reason;
 }
 
+bool is_dark(const photometry::RadianceImage& image) {
+  constexpr double kDark = 0.1;  // of the shortest exposure's range; daylight skies are exposed well above it
+  if (image.empty()) return false;
+  const auto sky =
+      inference::median_radiance(image, {0, 0, image.radiance.width_px, image.radiance.height_px / 3});
+  return sky && *sky < kDark * image.saturation_radiance;
+}
+
 void flag_light(const std::optional<inference::SunPosition>& sun, const EstimatorOptions& options,
                 Observation& observation) {
   if (!sun) return;
@@ -103,7 +111,8 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
   std::vector<photometry::CatalogueLamp> catalogue = photometry::catalogue_of(site);
   if (catalogue.empty()) return std::nullopt;
   for (const Bracket& bracket : clear) {
-    if (const auto sun = sun_at(bracket, site); sun && sun->altitude_deg > options.combine.glow_full_deg)
+    if (const auto sun = sun_at(bracket, site);
+        sun && sun->altitude_deg > options.combine.glow_full_deg && !site.targets.empty())
       continue;  // lamps are no yardstick in daylight
     photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
     if (image.empty()) continue;
@@ -131,7 +140,9 @@ FrameResult estimate(const Bracket& bracket, const Site& site, const std::option
     result.observation.quality.set(image.quality);
     const std::optional<inference::SunPosition> sun = sun_at(bracket, site);
     // In daylight lamps are off or drowned; in the dark there is no contrast to see.
-    const bool lamps = inference::glow_weight(altitude_of(sun), options.combine) > 0;
+    // A dark picture of lamps is believed against the clock where the site has nothing else to go by.
+    const bool lamps = inference::glow_weight(altitude_of(sun), options.combine) > 0 ||
+                       (reference && site.targets.empty() && is_dark(image));
     const bool targets =
         inference::contrast_weight(altitude_of(sun), options.combine) > 0 && !(lamps && site.targets.empty());
     if (lamps) estimate_night(bracket, image, site, reference, options, result);
