@@ -115,7 +115,8 @@ NightCalibrationResult learn_from_patches(const std::filesystem::path& archive,
   site.night = learning.calibration;
   result.learned = true;
   result.report = fmt::format(
-      "Night: learned from {} frames; half hours left out in turn were foretold with an error of {:.2f} in ln σ "
+      "Night: learned from {} frames; half hours left out in turn were foretold with an error of {:.2f} in "
+      "ln σ "
       "(rms), rank "
       "correlation {:.2f}, fog told from no fog at 1000 m in {:.0f} %\n",
       learning.frames, learning.rms_ln, learning.correlation, 100 * learning.fog_right);

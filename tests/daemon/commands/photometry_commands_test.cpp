@@ -62,7 +62,7 @@ TEST(SurveyCommand, WritesLightsThatTheSiteFileTakes) {
   const auto site = folder.write("site.toml", kSite);
   const auto out = folder.path() / "lights.toml", picture = folder.path() / "lights.png";
   const Outcome result = run("survey " + files + "--camera " + site.string() + " --out " + out.string() +
-                         " --annotated " + picture.string());
+                             " --annotated " + picture.string());
   ASSERT_EQ(result.exit_code, 0) << result.output;
 
   const Site read = daemon::read_site_file(folder.write("all.toml", kSite + test::read_all(out)));

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <iostream>
 
-#include "tests/estimator/inference/day_scene.h"
 #include "estimator/inference/contrast_day.h"
+#include "tests/estimator/inference/day_scene.h"
 
 namespace lampglow::inference {
 namespace {
