@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "estimator/observation.h"
 
@@ -198,42 +199,133 @@ void settle_skies(const Scene& scene, const HaloModel& halo, const RingData& dat
     p[at.sky(j)] = weight[j] > 0 ? std::max(0.0, sum[j] / weight[j]) / data.sky_unit : 1.0;
 }
 
-struct Start {
-  double cost;
-  std::vector<double> parameters;
+// −ln of the probability that just these k of n lamps are dimmed, with nothing known of how many usually are
+// (beta-binomial of ½, ½): all or none are likelier than any one mixture.
+double mixture_penalty(int n, int k) {
+  const double ln_beta = std::lgamma(k + 0.5) + std::lgamma(n - k + 0.5) - std::lgamma(n + 1.0);
+  return std::log(std::numbers::pi) - ln_beta;
+}
+
+struct Powers {
+  double ln_gain = 0, cost = std::numeric_limits<double>::infinity();
+  std::vector<double> ln_dimming;
 };
 
-// A coarse scan over σ and the gain's two likely states (as usual, dimmed by half); the best three at unlike
-// σ.
-std::vector<Start> starts(const Scene& scene, const HaloModel& halo, const RingData& data,
-                          const FrameCost& cost, const FitOptions& options) {
-  const Layout at(scene.lamps().size());
-  std::vector<Start> all;
-  std::vector<double> residuals(cost.residual_count());
-  const std::vector<double> gains =
-      options.gain_known ? std::vector<double>{0.0, -0.69} : std::vector<double>{0.0, -0.7, 0.7, -1.6, 1.6};
-  for (double mor = 35; mor < 60e3; mor *= 1.7)
-    for (const double ln_gain : gains) {
-      std::vector<double> p(at.size(), 0.0);
-      for (size_t j = 0; j < data.ln_dimming.size(); ++j) p[at.ln_strength(j)] = data.ln_dimming[j];
-      p[Layout::ln_sigma] = std::log(kMorTimesExtinction / mor);
-      p[Layout::q] = std::min(prior_q(p[Layout::ln_sigma], options), halo.max_q());
-      p[Layout::ln_gain] = ln_gain;
-      p[Layout::emission] = options.emission_mean;
-      settle_skies(scene, halo, data, p);
-      cost.evaluate(p.data(), residuals.data(), nullptr);
-      double sum = 0;
-      for (const double r : residuals) sum += r * r / 2;
-      all.push_back({sum, std::move(p)});
+double mixture_penalty(const std::vector<double>& ln_dimming, std::span<const char> lit) {
+  const auto n = std::count_if(lit.begin(), lit.end(), [](char l) { return l != 0; });
+  const auto k = std::count_if(ln_dimming.begin(), ln_dimming.end(), [](double d) { return d != 0; });
+  return mixture_penalty(static_cast<int>(n), static_cast<int>(k));
+}
+
+// The likeliest gain and power of each lamp, given by how much each is brighter than usual (ln; empty: not
+// known).
+Powers likeliest_powers(const Scene& scene, const std::vector<std::optional<double>>& ln_ratio,
+                        const RingData& data, const FitOptions& options) {
+  constexpr double kRatioSigma = 0.04;
+  const double gain_sigma = options.gain_known ? options.ln_gain_sigma : kWideGainSigma;
+  const double reach = options.gain_known ? 0.6 : 3.0;
+  Powers best;
+  for (double gain = -reach; gain <= reach + 1e-9; gain += 0.03) {
+    double slope = 1.0;
+    const double pulled = soften(gain / gain_sigma, options.prior_tail, slope);
+    Powers powers{gain, pulled * pulled / 2, std::vector<double>(ln_ratio.size(), 0.0)};
+    for (size_t j = 0; j < ln_ratio.size(); ++j) {
+      if (!ln_ratio[j] || !data.lit[j]) continue;
+      const double rest = *ln_ratio[j] - gain;
+      if (std::abs(rest - options.ln_half) < std::abs(rest)) powers.ln_dimming[j] = options.ln_half;
+      const double sigma = std::hypot(scene.lamps()[j].ln_strength_sigma, kRatioSigma);
+      const double off = soften((rest - powers.ln_dimming[j]) / sigma, options.prior_tail, slope);
+      powers.cost += off * off / 2;
     }
+    powers.cost += mixture_penalty(powers.ln_dimming, data.lit);
+    if (powers.cost < best.cost) best = std::move(powers);
+  }
+  return best;
+}
+
+// By how much each lamp's own rings are brighter than the model has them, its sky being free.
+std::vector<std::optional<double>> ring_ratios(const Scene& scene, const HaloModel& halo,
+                                               const RingData& data, std::vector<double> p) {
+  const Layout at(scene.lamps().size());
+  for (size_t j = 0; j < at.lamps; ++j) p[at.sky(j)] = 0;
+  Scene::Output output;
+  scene.evaluate(halo, p, data.lit, data.sky_unit, output, false);
+  struct Sums {
+    double w = 0, x = 0, y = 0, xx = 0, xy = 0;
+  };
+  std::vector<Sums> sums(at.lamps);
+  for (size_t r = 0; r < scene.ring_count(); ++r) {
+    if (!data.used[r]) continue;
+    Sums& s = sums[static_cast<size_t>(scene.lamp_of_ring(r))];
+    const double w = 1.0 / (data.sigma[r] * data.sigma[r]), x = output.model[r], y = data.value[r];
+    s.w += w, s.x += w * x, s.y += w * y, s.xx += w * x * x, s.xy += w * x * y;
+  }
+  std::vector<std::optional<double>> ratios(at.lamps);
+  for (size_t j = 0; j < at.lamps; ++j) {
+    const Sums& s = sums[j];
+    const double spread = s.w * s.xx - s.x * s.x, slope = s.w * s.xy - s.x * s.y;
+    if (spread > 0 && slope > 0) ratios[j] = std::log(slope / spread);
+  }
+  return ratios;
+}
+
+struct Start {
+  double cost;
+  std::vector<double> parameters, ln_dimming;
+};
+
+double cost_at(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
+               const std::vector<double>& p) {
+  const FrameCost cost(scene, halo, data, options);
+  std::vector<double> residuals(cost.residual_count());
+  cost.evaluate(p.data(), residuals.data(), nullptr);
+  double sum = 0;
+  for (const double r : residuals) sum += r * r / 2;
+  return sum;
+}
+
+Start start_at(const Scene& scene, const HaloModel& halo, RingData data, const FitOptions& options,
+               double mor, std::optional<double> ln_gain) {
+  const Layout at(scene.lamps().size());
+  std::vector<double> p(at.size(), 0.0);
+  p[Layout::ln_sigma] = std::log(kMorTimesExtinction / mor);
+  p[Layout::q] = std::min(prior_q(p[Layout::ln_sigma], options), halo.max_q());
+  p[Layout::emission] = options.emission_mean;
+  data.ln_dimming.assign(at.lamps, 0.0);
+  if (!ln_gain) {
+    const Powers powers = likeliest_powers(scene, ring_ratios(scene, halo, data, p), data, options);
+    data.ln_dimming = powers.ln_dimming;
+    ln_gain = powers.ln_gain;
+  }
+  p[Layout::ln_gain] = *ln_gain;
+  for (size_t j = 0; j < at.lamps; ++j) p[at.ln_strength(j)] = data.ln_dimming[j];
+  settle_skies(scene, halo, data, p);
+  const double cost = cost_at(scene, halo, data, options, p) + mixture_penalty(data.ln_dimming, data.lit);
+  return {cost, std::move(p), std::move(data.ln_dimming)};
+}
+
+// A coarse scan over σ, with the gain as usual, dimmed by half, or with each lamp at its likeliest power; the
+// best few that differ in σ or in powers.
+std::vector<Start> starts(const Scene& scene, const HaloModel& halo, const RingData& data,
+                          const FitOptions& options) {
+  std::vector<std::optional<double>> gains;
+  if (options.gain_known)
+    gains = {0.0, -0.69};
+  else
+    gains = {0.0, -0.7, 0.7, -1.6, 1.6};
+  if (options.ln_half != 0) gains.emplace_back(std::nullopt);
+  std::vector<Start> all;
+  for (double mor = 35; mor < 60e3; mor *= 1.5)
+    for (const auto& ln_gain : gains) all.push_back(start_at(scene, halo, data, options, mor, ln_gain));
   std::stable_sort(all.begin(), all.end(), [](const Start& a, const Start& b) { return a.cost < b.cost; });
   std::vector<Start> best;
   for (Start& s : all) {
     const bool near = std::any_of(best.begin(), best.end(), [&](const Start& b) {
-      return std::abs(b.parameters[Layout::ln_sigma] - s.parameters[Layout::ln_sigma]) < 0.6;
+      return b.ln_dimming == s.ln_dimming &&
+             std::abs(b.parameters[Layout::ln_sigma] - s.parameters[Layout::ln_sigma]) < 0.6;
     });
     if (!near) best.push_back(std::move(s));
-    if (best.size() == 4) break;
+    if (best.size() == 5) break;
   }
   return best;
 }
@@ -333,23 +425,124 @@ Residuals residuals_at(const Scene& scene, const HaloModel& halo, const RingData
   return out;
 }
 
+namespace {
+
+// One way to read the frame: which lamps burn at half power, and the best fit to it.
+struct Mode {
+  RingData data;
+  double penalty = 0;
+  Solved solved;
+  double cost() const { return solved.cost + penalty; }
+};
+
+Mode mode_from(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
+               std::vector<double> parameters, std::vector<double> ln_dimming) {
+  Mode mode;
+  mode.data = data;
+  mode.data.ln_dimming = std::move(ln_dimming);
+  if (options.ln_half != 0) mode.penalty = mixture_penalty(mode.data.ln_dimming, data.lit);
+  const FrameCost cost(scene, halo, mode.data, options);
+  mode.solved = solve(scene, cost, mode.data, options, std::move(parameters), false, options.max_iterations,
+                      halo.max_q());
+  return mode;
+}
+
+// Chooses the lamps' powers anew by the fit's own strengths, while that makes the fit better.
+Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& options, Mode mode,
+             int& iterations) {
+  iterations += mode.solved.iterations;
+  if (options.ln_half == 0) return mode;
+  const Layout at(scene.lamps().size());
+  for (int round = 0; round < 3; ++round) {
+    std::vector<double> p = mode.solved.parameters;
+    std::vector<std::optional<double>> ratios(at.lamps);
+    for (size_t j = 0; j < at.lamps; ++j) ratios[j] = p[Layout::ln_gain] + p[at.ln_strength(j)];
+    Powers powers = likeliest_powers(scene, ratios, mode.data, options);
+    if (powers.ln_dimming == mode.data.ln_dimming) break;
+    for (size_t j = 0; j < at.lamps; ++j) p[at.ln_strength(j)] = *ratios[j] - powers.ln_gain;
+    p[Layout::ln_gain] = powers.ln_gain;
+    Mode next = mode_from(scene, halo, mode.data, options, std::move(p), std::move(powers.ln_dimming));
+    iterations += next.solved.iterations;
+    if (next.cost() >= mode.cost()) break;
+    mode = std::move(next);
+  }
+  return mode;
+}
+
+JointFit finish(const Scene& scene, const HaloModel& halo, const FitOptions& options, const Mode& mode) {
+  const FrameCost cost(scene, halo, mode.data, options);
+  JointFit fit = finish(scene, halo, mode.data, options, cost, halo.max_q(), mode.solved);
+  fit.ln_dimming = mode.data.ln_dimming;
+  fit.cost += mode.penalty;
+  for (PosteriorPoint& point : fit.posterior) point.minus_ln_probability += mode.penalty;
+  return fit;
+}
+
+// −ln p of a profile between its points, and beyond them along its last slope (never falling).
+double profile_at(const std::vector<PosteriorPoint>& p, double x) {
+  const auto n = static_cast<size_t>(
+      std::lower_bound(p.begin(), p.end(), x, [](const auto& a, double b) { return a.ln_sigma < b; }) -
+      p.begin());
+  const size_t b = std::clamp<size_t>(n, 1, p.size() - 1), a = b - 1;
+  const double slope =
+      (p[b].minus_ln_probability - p[a].minus_ln_probability) / std::max(p[b].ln_sigma - p[a].ln_sigma, 1e-9);
+  if (x > p.back().ln_sigma)
+    return p.back().minus_ln_probability + std::max(slope, 0.0) * (x - p.back().ln_sigma);
+  if (x < p.front().ln_sigma)
+    return p.front().minus_ln_probability + std::min(slope, 0.0) * (x - p.front().ln_sigma);
+  return p[a].minus_ln_probability + slope * (x - p[a].ln_sigma);
+}
+
+// The lesser of two profiles at the points of both.
+void merge_profiles(const std::vector<PosteriorPoint>& other, std::vector<PosteriorPoint>& profile) {
+  if (other.size() < 2 || profile.size() < 2) return;
+  std::vector<PosteriorPoint> merged;
+  for (PosteriorPoint point : profile) {
+    point.minus_ln_probability = std::min(point.minus_ln_probability, profile_at(other, point.ln_sigma));
+    merged.push_back(point);
+  }
+  for (PosteriorPoint point : other) {
+    point.minus_ln_probability = std::min(point.minus_ln_probability, profile_at(profile, point.ln_sigma));
+    merged.push_back(point);
+  }
+  std::sort(merged.begin(), merged.end(),
+            [](const auto& a, const auto& b) { return a.ln_sigma < b.ln_sigma; });
+  profile = std::move(merged);
+}
+
+}  // namespace
+
 JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& data,
                      const FitOptions& options) {
-  const FrameCost cost(scene, halo, data, options);
-  const double max_q = halo.max_q();
-  Solved best;
+  constexpr double kRival = 3.0;  // −Δ ln p of the modes that the bounds must cover
   int iterations = 0;
-  for (const Start& start : starts(scene, halo, data, cost, options)) {
-    Solved solved = solve(scene, cost, data, options, start.parameters, false, options.max_iterations, max_q);
-    iterations += solved.iterations;
-    if (solved.cost < best.cost) best = std::move(solved);
-  }
-  JointFit fit = finish(scene, halo, data, options, cost, max_q, std::move(best));
+  std::vector<Mode> modes;
+  for (const Start& start : starts(scene, halo, data, options))
+    modes.push_back(settled(scene, halo, options,
+                            mode_from(scene, halo, data, options, start.parameters, start.ln_dimming),
+                            iterations));
+  std::stable_sort(modes.begin(), modes.end(),
+                   [](const Mode& a, const Mode& b) { return a.cost() < b.cost(); });
+  JointFit fit = finish(scene, halo, options, modes.front());
   // The walk along ln σ may come upon a deeper minimum: then the fit starts anew from there, once.
   if (!fit.deeper.empty()) {
-    Solved again = solve(scene, cost, data, options, fit.deeper, false, options.max_iterations, max_q);
-    iterations += again.iterations;
-    if (again.cost < fit.cost) fit = finish(scene, halo, data, options, cost, max_q, std::move(again));
+    Mode again = settled(scene, halo, options,
+                         mode_from(scene, halo, data, options, fit.deeper, fit.ln_dimming), iterations);
+    if (again.cost() < fit.cost) {
+      fit = finish(scene, halo, options, again);
+      modes.insert(modes.begin(), std::move(again));
+    }
+  }
+  std::vector<const Mode*> covered{&modes.front()};
+  for (const Mode& mode : modes) {
+    const bool known = std::any_of(covered.begin(), covered.end(), [&](const Mode* c) {
+      return c->data.ln_dimming == mode.data.ln_dimming &&
+             std::abs(c->solved.parameters[Layout::ln_sigma] - mode.solved.parameters[Layout::ln_sigma]) <
+                 0.05;
+    });
+    if (known || !options.posterior || mode.cost() > fit.cost + kRival) continue;
+    covered.push_back(&mode);
+    merge_profiles(finish(scene, halo, options, mode).posterior, fit.posterior);
   }
   fit.iterations = iterations;
   return fit;

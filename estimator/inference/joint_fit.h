@@ -30,6 +30,7 @@ struct FitOptions {
   double kappa_sigma = 0.0;     // of ln κ; 0: the point spread's own core uncertainty
   double emission_mean = 0.03;  // c: even lamps have 0, full cut-off ones 0.1 to 0.3
   double emission_sigma = 0.06;
+  double ln_half = 0;        // a lamp's other power, as ln of its usual; 0: it has none
   double slope_sigma = 1.0;  // of the sky's gradient, in sky units per half picture
   double prior_tail = 2.5;   // strengths and gain: beyond this many σ the prior's pull fades (Cauchy)
   double ring_tail = 2.5;    // the same for rings
@@ -52,7 +53,8 @@ struct JointFit {
   std::vector<double> sigma;       // standard deviations of the same; 0 where held
   std::vector<double> model;       // of every ring
   double chi2_per_ring = 0;
-  std::vector<PosteriorPoint> posterior;  // ordered by ln_sigma; includes the best
+  std::vector<double> ln_dimming;         // per lamp: the power it burns at, 0 or ln_half
+  std::vector<PosteriorPoint> posterior;  // ordered by ln_sigma; includes the best; least over rival modes
   std::vector<double> deeper;             // parameters of a point of the walk that beats the best; else empty
   double ln_sigma() const { return parameters[Layout::ln_sigma]; }
 };

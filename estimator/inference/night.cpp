@@ -28,21 +28,6 @@ struct Night {
   JointFit fit;
 };
 
-// Lamps that burn at half power, as the fit's strengths show; true if that differs from what was assumed.
-bool find_dimmed(const Scene& scene, const JointFit& fit, const NightOptions& options, RingData& data) {
-  const Layout at(scene.lamps().size());
-  std::vector<double> dimming(scene.lamps().size(), 0.0);
-  for (size_t j = 0; j < dimming.size(); ++j) {
-    const double ln_strength = fit.parameters[at.ln_strength(j)];
-    if (data.lit[j] && std::abs(ln_strength - options.ln_half) < options.half_reach)
-      dimming[j] = options.ln_half;
-  }
-  if (data.ln_dimming.empty()) data.ln_dimming.assign(dimming.size(), 0.0);
-  const bool changed = dimming != data.ln_dimming;
-  data.ln_dimming = std::move(dimming);
-  return changed;
-}
-
 // Lamps without a core start as off. Those that the fit then says could not be seen anyway are lit: their
 // halo counts.
 Night fit_with_outages(const photometry::RegisteredFrame& registered, const ClearReference& reference,
@@ -57,9 +42,8 @@ Night fit_with_outages(const photometry::RegisteredFrame& registered, const Clea
   }
   Night night;
   for (int round = 0; round < 4; ++round) {
-    FitOptions fit_options = options.fit;
-    night.fit = fit_jointly(scene, halo, data, fit_options);
-    bool changed = find_dimmed(scene, night.fit, options, data);
+    night.fit = fit_jointly(scene, halo, data, options.fit);
+    bool changed = false;
     for (size_t j = 0; j < doubtful.size(); ++j) {
       if (!doubtful[j] || data.lit[j]) continue;
       const double clear = reference.catalogue[j].core_flux.value_or(0);
@@ -179,6 +163,7 @@ void measure_night(const photometry::RadianceImage& image, const photometry::Reg
                    const Site& site, const ClearReference& reference, const HaloModel& halo,
                    std::optional<double> relative_humidity, const NightOptions& given, FrameResult& result) {
   NightOptions options = given;
+  options.fit.ln_half = options.ln_half;
   options.fit.gain_known = !image.relative && !reference.relative;
   RingData data = ring_data(image, registered, *reference.rings, foreign_lights(registered), options.errors);
   if (std::none_of(data.used.begin(), data.used.end(), [](char u) { return u != 0; })) {

@@ -15,7 +15,6 @@ struct NightOptions {
   RingErrors errors;
   BoundsOptions bounds;
   double ln_half = -0.6931;     // lamps dimmed at night burn at half power
-  double half_reach = 0.3;      // a lamp counts as dimmed if ln strength is within this of it
   double faint_sigma = 5;       // a lamp that should show by this many σ and does not is off
   int few_lights = 3;           // fewer lamps than this set the flag
   double gain_drift_ln = 0.25;  // flag beyond this

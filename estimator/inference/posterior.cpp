@@ -11,19 +11,20 @@ constexpr double kTwoSided95 = 1.92;  // −Δ ln p at 1.96 σ
 constexpr double kOneSided95 = 1.353;
 constexpr double kOneSigma = 0.5;
 
-// Where −ln p rises by `rise` above its least on one side (step +1 or −1); empty if it never does. Between
-// the points √rise goes linearly, as a normal's does.
+// Where −ln p rises for good by `rise` above its least on one side (step +1 or −1), beyond any rival mode;
+// empty if it never does. Between the points √rise goes linearly, as a normal's does.
 std::optional<double> crossing(std::span<const PosteriorPoint> p, size_t best, int step, double rise) {
-  const double least = p[best].minus_ln_probability;
+  const double least = p[best].minus_ln_probability, bar = std::sqrt(rise);
   const auto root = [&](size_t i) { return std::sqrt(std::max(0.0, p[i].minus_ln_probability - least)); };
-  for (size_t i = best;;) {
-    if ((step < 0 && i == 0) || (step > 0 && i + 1 == p.size())) return std::nullopt;
-    const size_t next = step > 0 ? i + 1 : i - 1;
-    if (root(next) >= std::sqrt(rise)) {
-      const double f = (std::sqrt(rise) - root(i)) / std::max(root(next) - root(i), 1e-12);
-      return p[i].ln_sigma + std::clamp(f, 0.0, 1.0) * (p[next].ln_sigma - p[i].ln_sigma);
+  size_t outer = step > 0 ? p.size() - 1 : 0;
+  if (root(outer) < bar) return std::nullopt;
+  for (;;) {
+    const size_t inner = step > 0 ? outer - 1 : outer + 1;
+    if (root(inner) < bar) {
+      const double f = (bar - root(inner)) / std::max(root(outer) - root(inner), 1e-12);
+      return p[inner].ln_sigma + std::clamp(f, 0.0, 1.0) * (p[outer].ln_sigma - p[inner].ln_sigma);
     }
-    i = next;
+    outer = inner;
   }
 }
 
