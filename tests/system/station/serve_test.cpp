@@ -1,0 +1,313 @@
+// `lampglow serve` as its keeper meets it: a simulated night through an archive and through a web camera,
+// asked over HTTP, reloaded, ended, and its database looked into with the program's own commands.
+#include <curl/curl.h>
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <boost/json.hpp>
+#include <set>
+#include <sstream>
+
+#include "tests/support/run_program.h"
+#include "tests/system/cameras/web_servers.h"
+
+extern char** environ;
+
+namespace lampglow::testing {
+namespace {
+
+using namespace std::chrono_literals;
+using test::ProgramRun;
+using test::read_all;
+using test::run_program;
+using ::testing::HasSubstr;
+namespace json = boost::json;
+
+constexpr int kFrames = 5;
+constexpr int kClearReferences = 2;
+
+struct Answer {
+  long status = 0;
+  std::string body;
+};
+
+Answer ask(int port, const std::string& path) {
+  Answer answer;
+  CURL* curl = curl_easy_init();
+  curl_easy_setopt(curl, CURLOPT_URL, ("http://127.0.0.1:" + std::to_string(port) + path).c_str());
+  curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, 3000L);
+  curl_easy_setopt(curl, CURLOPT_WRITEDATA, &answer.body);
+  curl_easy_setopt(
+      curl, CURLOPT_WRITEFUNCTION, +[](char* data, std::size_t size, std::size_t count, std::string* body) {
+        body->append(data, size * count);
+        return size * count;
+      });
+  if (curl_easy_perform(curl) == CURLE_OK) curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &answer.status);
+  curl_easy_cleanup(curl);
+  return answer;
+}
+
+// The running program; what it logs goes to a file.
+class Serving {
+ public:
+  Serving(const fs::path& config, fs::path log) : log_(std::move(log)) {
+    const std::string text = config.string();
+    std::vector<char*> words;
+    for (const char* word : {LAMPGLOW_BINARY, "serve", "--config", text.c_str()})
+      words.push_back(const_cast<char*>(word));
+    words.push_back(nullptr);
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 2, log_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+    if (posix_spawn(&pid_, words[0], &actions, nullptr, words.data(), environ) != 0) pid_ = -1;
+    posix_spawn_file_actions_destroy(&actions);
+  }
+  ~Serving() {
+    if (pid_ > 0) {
+      signal(SIGKILL);
+      ::waitpid(pid_, nullptr, 0);
+    }
+  }
+  Serving(const Serving&) = delete;
+  Serving& operator=(const Serving&) = delete;
+
+  void signal(int number) const {
+    if (pid_ > 0) ::kill(pid_, number);
+  }
+  // The exit code; -1 if it does not end in time or is ended by a signal.
+  int wait(std::chrono::milliseconds limit) {
+    int status = 0;
+    const bool ended = eventually(limit, [&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; });
+    if (!ended) return -1;
+    pid_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string log() const { return read_all(log_); }
+
+ private:
+  fs::path log_;
+  pid_t pid_ = -1;
+};
+
+// One simulated night for all tests, written by the program itself.
+class Station : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    night_ = new TempFolder;
+    const ProgramRun run = run_program({"simulate", archive().string(), "--style", "webcam", "--seed", "3",
+                                        "--frames", std::to_string(kFrames), "--photons", "50000"});
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+  }
+  static void TearDownTestSuite() { delete night_; }
+  static fs::path archive() { return night_->path() / "night"; }
+
+  fs::path config_file() const { return folder_ / "station.toml"; }
+  std::string database() const { return (folder_ / "data/lampglow.db").string(); }
+
+  void configure(const std::string& url, const std::string& interval_s = "1", const std::string& port = "") {
+    write_file(config_file(), "name = \"quay\"\nsite_file = \"" + (archive() / "site.toml").string() +
+                                  "\"\nreference_archive = \"" + archive().string() +
+                                  "\"\n\n[source]\nurl = \"" + url +
+                                  "\"\n\n[schedule]\ninterval_s = " + interval_s +
+                                  "\nwhen = \"both\"\n\n[station]\ndata_directory = \"data\"\n\n" +
+                                  "[http]\nport = " + (port.empty() ? std::to_string(port_) : port) + "\n");
+  }
+
+  json::value get(const std::string& path) const {
+    const Answer answer = ask(port_, path);
+    EXPECT_EQ(answer.status, 200) << path << "\n" << answer.body;
+    return answer.status == 200 ? json::parse(answer.body) : json::value(json::object());
+  }
+
+  json::array observations() const {
+    return get("/v1/observations?from=2026-01-01T00:00:00Z&limit=1000").at("observations").as_array();
+  }
+
+  // Until the program has answered so many observations.
+  bool has_observations(std::size_t count) const {
+    return eventually(20s, [&] {
+      const Answer answer = ask(port_, "/v1/observations?from=2026-01-01T00:00:00Z&limit=1000");
+      return answer.status == 200 && json::parse(answer.body).at("observations").as_array().size() >= count;
+    });
+  }
+
+  // A frame is stored first and shown a moment later.
+  bool camera_is(bool up) const {
+    return eventually(15s, [&] {
+      const Answer answer = ask(port_, "/v1/current");
+      return answer.status == 200 &&
+             json::parse(answer.body).at("properties").at("sensor").at("up").as_bool() == up;
+    });
+  }
+
+  // The times of the rows that `lampglow export` writes.
+  std::vector<std::string> exported_times() const {
+    const ProgramRun run = run_program({"export", database()});
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    std::istringstream lines(run.out);
+    std::vector<std::string> times;
+    std::string line;
+    std::getline(lines, line);
+    EXPECT_THAT(line, HasSubstr("time_utc,mor_m,mor_low_m,mor_high_m,limit,extinction_per_m"));
+    while (std::getline(lines, line)) times.push_back(line.substr(0, line.find(',')));
+    return times;
+  }
+
+  void end_well(Serving& station) const {
+    station.signal(SIGTERM);
+    EXPECT_EQ(station.wait(5s), 0) << station.log();
+    std::error_code absent;  // size -1; else it must be empty: written back and cut
+    const auto wal_bytes = static_cast<std::intmax_t>(fs::file_size(database() + "-wal", absent));
+    EXPECT_LE(wal_bytes, 0) << "the WAL was not written back";
+    const ProgramRun check = run_program({"db", "check", database()});
+    EXPECT_EQ(check.exit_code, 0) << check.out << check.err;
+  }
+
+  static TempFolder* night_;
+  TempFolder folder_;
+  int port_ = free_port();
+};
+
+TempFolder* Station::night_ = nullptr;
+
+TEST_F(Station, AnArchiveIsServedAndStored) {
+  configure("archive:" + archive().string());
+  EXPECT_EQ(run_program({"check-config", config_file().string()}).exit_code, 0);
+  Serving station(config_file(), folder_ / "log");
+  ASSERT_TRUE(has_observations(kFrames + kClearReferences)) << station.log();
+  ASSERT_TRUE(camera_is(true)) << station.log();
+  const std::string all =
+      "lampglow_frames_total{camera=\"quay\",result=\"value\"} " + std::to_string(kFrames + kClearReferences);
+  EXPECT_TRUE(eventually(3s, [&] { return ask(port_, "/metrics").body.find(all) != std::string::npos; }));
+
+  EXPECT_EQ(get("/healthz").at("status").as_string(), "ok");
+  const json::value current = get("/v1/current").at("properties");
+  EXPECT_EQ(current.at("camera").as_string(), "quay");
+  EXPECT_TRUE(current.at("stale").as_bool()) << "a night of January is not the air of today";
+  EXPECT_TRUE(current.at("visibility").at("value").is_null());
+  EXPECT_EQ(ask(port_, "/v1/frames/latest.jpg").body.substr(0, 2), "\xFF\xD8");
+  EXPECT_EQ(ask(port_, "/v1/frames/latest.jpg?annotated=true").body.substr(0, 2), "\xFF\xD8");
+  end_well(station);
+
+  std::set<std::string> taken;  // the archive's own times
+  std::istringstream rows(read_all(archive() / "frames.csv"));
+  std::string row;
+  std::getline(rows, row);
+  while (std::getline(rows, row)) taken.insert(row.substr(0, row.find(',')));
+  const std::vector<std::string> stored = exported_times();
+  EXPECT_EQ(std::vector<std::string>(taken.begin(), taken.end()), stored);
+}
+
+TEST_F(Station, ItEndsInTimeAmidstAnArchiveAndTakesUpWithoutDoubling) {
+  configure("archive:" + archive().string());
+  std::size_t first = 0;
+  {
+    Serving station(config_file(), folder_ / "log");
+    ASSERT_TRUE(has_observations(1)) << station.log();
+    first = observations().size();
+    end_well(station);
+  }
+  EXPECT_GE(exported_times().size(), first);
+  Serving station(config_file(), folder_ / "log");
+  ASSERT_TRUE(has_observations(kFrames + kClearReferences)) << station.log();
+  end_well(station);
+  const std::vector<std::string> times = exported_times();
+  EXPECT_EQ(times.size(), std::set<std::string>(times.begin(), times.end()).size());
+  EXPECT_EQ(times.size(), kFrames + kClearReferences);
+}
+
+class StationWithWebCamera : public Station {
+ protected:
+  void SetUp() override {
+    if (!Lighttpd::available()) GTEST_SKIP() << "lighttpd is not installed";
+    web_ = std::make_unique<Lighttpd>(folder_ / "camera");
+    show(2);
+    configure(web_->url("/open/now.jpg"));
+  }
+  void show(int number) const {
+    const std::string bytes = read_all(archive() / ("images/000" + std::to_string(number) + ".jpg"));
+    save_picture(folder_ / "camera/www/open/now.jpg", {bytes.begin(), bytes.end()});
+  }
+
+  std::unique_ptr<Lighttpd> web_;
+};
+
+TEST_F(StationWithWebCamera, ANightIsMeasuredReloadedAndStored) {
+  Serving station(config_file(), folder_ / "log");
+  for (int number = 2; number < 5; ++number) {
+    show(number);
+    ASSERT_TRUE(has_observations(static_cast<std::size_t>(number - 1))) << station.log();
+  }
+  ASSERT_TRUE(camera_is(true)) << station.log();
+  const json::value current = get("/v1/current").at("properties");
+  EXPECT_FALSE(current.at("stale").as_bool());
+  EXPECT_TRUE(current.at("visibility").at("value").is_double());
+  EXPECT_TRUE(current.at("sensor").at("up").as_bool());
+  EXPECT_GT(current.at("lightsUsed").as_int64(), 0);
+
+  // A new interval is taken over; the port needs a restart and this is said; a broken file changes nothing.
+  configure(web_->url("/open/now.jpg"), "2", "1");
+  station.signal(SIGHUP);
+  EXPECT_TRUE(eventually(5s, [&] { return station.log().find("key=http.port") != std::string::npos; }))
+      << station.log();
+  write_file(config_file(), "interval_s = 1\n");
+  station.signal(SIGHUP);
+  EXPECT_TRUE(eventually(5s, [&] {
+    return station.log().find("the new configuration cannot be used; the old one stays") != std::string::npos;
+  })) << station.log();
+  const std::size_t before = observations().size();
+  EXPECT_TRUE(has_observations(before + 1)) << "it does not go on after the reloads\n" << station.log();
+
+  const json::array seen = observations();
+  end_well(station);
+  const std::vector<std::string> stored = exported_times();
+  for (const json::value& one : seen)
+    EXPECT_THAT(stored, ::testing::Contains(std::string(one.at("time_utc").as_string())))
+        << "shown, but lost";
+  EXPECT_EQ(stored.size(), std::set<std::string>(stored.begin(), stored.end()).size());
+}
+
+TEST_F(StationWithWebCamera, ADeadCameraIsToldAndItsReturnToo) {
+  Serving station(config_file(), folder_ / "log");
+  ASSERT_TRUE(has_observations(1)) << station.log();
+  ASSERT_TRUE(camera_is(true)) << station.log();
+  fs::remove(folder_ / "camera/www/open/now.jpg");
+  ASSERT_TRUE(camera_is(false)) << station.log();
+  EXPECT_EQ(get("/v1/current").at("properties").at("sensor").at("fault").as_string(), "http_error");
+  EXPECT_THAT(ask(port_, "/metrics").body, HasSubstr("lampglow_camera_up{camera=\"quay\"} 0"));
+  show(3);
+  ASSERT_TRUE(camera_is(true)) << station.log();
+  EXPECT_THAT(json::serialize(get("/v1/events")), HasSubstr("source_recovered"));
+  end_well(station);
+}
+
+TEST_F(StationWithWebCamera, ProbeTellsWhatTheCameraIs) {
+  const fs::path saved = folder_ / "first-look";
+  const ProgramRun run = run_program({"probe", web_->url("/open/now.jpg"), "--output", saved.string()});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("driver    HTTP, server lighttpd"));
+  EXPECT_THAT(run.out, HasSubstr("in use    picture 760x504"));
+  EXPECT_THAT(run.out, HasSubstr("Lamps are saturated"));
+  EXPECT_EQ(run_program({"check-config", (saved / "site.toml").string()}).exit_code, 0);
+  const ProgramRun replayed = run_program({"replay", saved.string(), "--csv", (folder_ / "x.csv").string()});
+  EXPECT_EQ(replayed.exit_code, 0) << replayed.err;
+
+  const ProgramRun gone = run_program({"probe", web_->url("/open/gone.jpg")});
+  EXPECT_EQ(gone.exit_code, 74);
+  EXPECT_THAT(gone.err, HasSubstr("HTTP status 404"));
+  const ProgramRun there = run_program({"probe", web_->url("/open/now.jpg"), "--output", saved.string()});
+  EXPECT_EQ(there.exit_code, 64) << there.err;
+}
+
+TEST(ExampleConfiguration, IsValid) {
+  const ProgramRun run = run_program({"check-config", LAMPGLOW_SOURCE_DIR "/systemd/lampglow.toml"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("station with 1 cameras, HTTP on 127.0.0.1:8080"));
+}
+
+}  // namespace
+}  // namespace lampglow::testing
