@@ -85,8 +85,11 @@ void draw_lamp(cv::Mat& picture, const LampFit& lamp, double scale) {
   cv::circle(picture, centre, radius, dark, 3, cv::LINE_AA, kShift);
   cv::circle(picture, centre, radius, colour, 1, cv::LINE_AA, kShift);
   const cv::Point text((centre.x >> kShift) + 11, (centre.y >> kShift) - 6);
-  cv::putText(picture, lamp.id, text, cv::FONT_HERSHEY_SIMPLEX, 0.4, dark, 3, cv::LINE_AA);
-  cv::putText(picture, lamp.id, text, cv::FONT_HERSHEY_SIMPLEX, 0.4, colour, 1, cv::LINE_AA);
+  // Colour alone does not tell everyone: what is not plainly seen is named.
+  const std::string label =
+      lamp.state == LampState::seen ? lamp.id : lamp.id + " " + std::string(to_string(lamp.state));
+  cv::putText(picture, label, text, cv::FONT_HERSHEY_SIMPLEX, 0.4, dark, 3, cv::LINE_AA);
+  cv::putText(picture, label, text, cv::FONT_HERSHEY_SIMPLEX, 0.4, colour, 1, cv::LINE_AA);
 }
 
 void draw_target(cv::Mat& picture, const Target& target, double scale) {

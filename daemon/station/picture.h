@@ -6,15 +6,17 @@
 
 #include "estimator/observation.h"
 #include "estimator/photometry/exposure.h"
+#include "estimator/site.h"
 
 namespace lampglow::daemon {
 
 struct Pictures {
   std::shared_ptr<const std::string> plain_jpeg;      // null without an exposure
-  std::shared_ptr<const std::string> annotated_jpeg;  // lamps as circles in the colour of their state
+  std::shared_ptr<const std::string> annotated_jpeg;  // with lamps, their states, and targets
 };
 
-// The longest exposure, brightness stretched by asinh so that dark surroundings show.
-Pictures render_pictures(const Bracket& bracket, const FrameResult& result, int jpeg_quality);
+// The exposure that shows most, in full size, stretched for the eye (daemon/annotate.h).
+Pictures render_pictures(const Bracket& bracket, const Site& site, const FrameResult& result,
+                         int jpeg_quality);
 
 }  // namespace lampglow::daemon

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <map>
 #include <mutex>
+#include <semaphore>
 #include <set>
 #include <thread>
 
@@ -35,6 +36,7 @@ using storage::Severity;
 
 constexpr seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
 constexpr seconds kLongestWriterStep{60};
+constexpr seconds kLongestDrain{3};  // of the 5 s that an end may take
 
 TimePoint utc_time() {
   return std::chrono::floor<milliseconds>(std::chrono::system_clock::now());
@@ -174,6 +176,7 @@ struct Station::Impl {
   std::atomic<steady_clock::rep> writer_moved{0};
   std::atomic<bool> stopped{false};
   std::unique_ptr<web::Server> server;
+  std::binary_semaphore worked{0};  // the workers have come to their end
   std::jthread workers;
   std::jthread writer;
 };
@@ -284,7 +287,8 @@ void Station::Impl::work(std::stop_token stop) {
         const auto begin = steady_clock::now();
         Done done{job.setup, estimate_safely(job.bracket, *job.setup), {}, 0};
         done.duration_s = std::chrono::duration<double>(steady_clock::now() - begin).count();
-        done.pictures = render_pictures(job.bracket, done.result, config.pictures.jpeg_quality);
+        done.pictures =
+            render_pictures(job.bracket, job.setup->site, done.result, config.pictures.jpeg_quality);
         return done;
       },
       [this](Done&& done) {
@@ -338,7 +342,10 @@ void Station::Impl::start() {
   server->start();
   writer_moved = steady_clock::now().time_since_epoch().count();
   writer = std::jthread([this] { write(); });
-  workers = std::jthread([this](const std::stop_token& stop) { work(stop); });
+  workers = std::jthread([this](const std::stop_token& stop) {
+    work(stop);
+    worked.release();
+  });
   const std::scoped_lock lock(feeds_mutex);
   for (const auto& [name, feed] : feeds) feed->start();
   live.set_not_ready("");
@@ -348,16 +355,19 @@ void Station::Impl::start() {
        {"database", config.database().string()}});
 }
 
-// Sources first; what is being estimated is finished and stored, what still waits is not begun; the server
-// goes last.
+// Sources first; what they gave is estimated and stored, for kLongestDrain at most; the server goes last.
 void Station::Impl::stop() {
   if (stopped.exchange(true)) return;
   live.set_not_ready("stopping");
   for (const auto& [name, feed] : feeds) feed->request_stop();
-  workers.request_stop();
+  for (const auto& [name, feed] : feeds) feed->join();  // a frame that waits for a place still gets it
   jobs.close();
-  for (const auto& [name, feed] : feeds) feed->join();
-  if (workers.joinable()) workers.join();
+  if (workers.joinable()) {
+    if (!worked.try_acquire_for(kLongestDrain))
+      log(LogLevel::warning, "too slow to end: frames that still wait are not estimated");
+    workers.request_stop();
+    workers.join();
+  }
   if (writer.joinable()) {
     tell({0, utc_time(), EventKind::stopped, Severity::info, "", "station stopped"});
     writes.close();
