@@ -71,12 +71,14 @@ class FrameCost {
       ++row;
     };
     constexpr double kStep = 1e-4;
-    const double ln_sigma = p[Layout::ln_sigma], q_mean = prior_q(ln_sigma, options_);
+    const double ln_sigma = p[Layout::ln_sigma];
+    const auto q_off = [&](double at) {
+      return (p[Layout::q] - prior_q(at, options_)) / prior_q_sigma(at, options_);
+    };
     if (jacobian)
       jacobian[row * columns + Layout::ln_sigma] =
-          -(prior_q(ln_sigma + kStep, options_) - prior_q(ln_sigma - kStep, options_)) / (2 * kStep) /
-          options_.q_sigma;
-    pull(Layout::q, q_mean, options_.q_sigma, false);
+          (q_off(ln_sigma + kStep) - q_off(ln_sigma - kStep)) / (2 * kStep);
+    pull(Layout::q, prior_q(ln_sigma, options_), prior_q_sigma(ln_sigma, options_), false);
     pull(Layout::ln_gain, 0, options_.gain_known ? options_.ln_gain_sigma : kWideGainSigma,
          options_.gain_known);
     const double core = scene_.spread().core_ln_sigma;
@@ -407,12 +409,25 @@ JointFit finish(const Scene& scene, const HaloModel& halo, const RingData& data,
 
 }  // namespace
 
-// Droplets grow as the air thickens: q's classes (physics.md) run from air to fog with falling visibility.
-double prior_q(double ln_sigma, const FitOptions& options) {
+namespace {
+
+// 0 in fog, 1 in clear air.
+double clearness(double ln_sigma) {
   const double ln_mor = std::log(kMorTimesExtinction) - ln_sigma;
   const double x = (ln_mor - std::log(300.0)) / (std::log(30e3) - std::log(300.0));
-  const double smooth = 1.0 / (1.0 + std::exp(-6.0 * (x - 0.5)));
-  return options.q_mean_fog + (options.q_mean_clear - options.q_mean_fog) * smooth;
+  return 1.0 / (1.0 + std::exp(-6.0 * (x - 0.5)));
+}
+
+}  // namespace
+
+// Droplets grow as the air thickens: q's classes (physics.md) run from air to fog with falling visibility.
+double prior_q(double ln_sigma, const FitOptions& options) {
+  return options.q_mean_fog + (options.q_mean_clear - options.q_mean_fog) * clearness(ln_sigma);
+}
+
+double prior_q_sigma(double ln_sigma, const FitOptions& options) {
+  const double x = std::max(0.0, clearness(ln_sigma) - 0.6) / 0.4;
+  return options.q_sigma + (options.q_sigma_clear - options.q_sigma) * x;
 }
 
 Residuals residuals_at(const Scene& scene, const HaloModel& halo, const RingData& data,

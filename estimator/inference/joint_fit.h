@@ -26,7 +26,8 @@ struct FitOptions {
   bool gain_known = true;       // false: automatic exposure, prior on ln gain is ±3
   double q_mean_fog = 0.86;     // prior mean of q at MOR 300 m; it falls with the logarithm of MOR ...
   double q_mean_clear = 0.62;   // ... to this at 30 km
-  double q_sigma = 0.10;
+  double q_sigma = 0.10;        // up to some 5 km ...
+  double q_sigma_clear = 0.25;  // ... and widening to this: clear air may be anything from gas to haze
   double kappa_sigma = 0.0;     // of ln κ; 0: the point spread's own core uncertainty
   double emission_mean = 0.03;  // c: even lamps have 0, full cut-off ones 0.1 to 0.3
   double emission_sigma = 0.06;
@@ -60,6 +61,7 @@ struct JointFit {
 };
 
 double prior_q(double ln_sigma, const FitOptions& options);
+double prior_q_sigma(double ln_sigma, const FitOptions& options);
 
 JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& data,
                      const FitOptions& options);

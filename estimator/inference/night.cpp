@@ -98,7 +98,7 @@ void describe_lamps(const Night& night, const photometry::RegisteredFrame& regis
 
 void fill_q(const JointFit& fit, const NightOptions& options, Observation& observation) {
   const double q = fit.parameters[Layout::q], sd = fit.sigma[Layout::q];
-  if (sd <= 0 || sd > options.q_known_ratio * options.fit.q_sigma) {
+  if (sd <= 0 || sd > options.q_known_ratio * prior_q_sigma(fit.ln_sigma(), options.fit)) {
     observation.quality.set(Quality::q_unknown);
     return;
   }
