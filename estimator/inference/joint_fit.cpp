@@ -484,6 +484,43 @@ Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& option
   return mode;
 }
 
+// Lamps at half power in a far lamp's case are told from thicker air by the others alone: tries the other
+// power of each lamp, one by one, and keeps what fits better. Rivals that come near are handed back too.
+std::vector<Mode> with_powers_flipped(const Scene& scene, const HaloModel& halo, const FitOptions& options,
+                                      Mode best, int& iterations) {
+  constexpr double kNear = 3.0;
+  const Layout at(scene.lamps().size());
+  std::vector<Mode> rivals;
+  for (int round = 0; round < 3; ++round) {
+    std::vector<Mode> tried;
+    for (size_t j = 0; j < at.lamps; ++j) {
+      if (!best.data.lit[j]) continue;
+      std::vector<double> dimming = best.data.ln_dimming, p = best.solved.parameters;
+      dimming[j] = dimming[j] != 0 ? 0.0 : options.ln_half;
+      p[at.ln_strength(j)] += dimming[j] - best.data.ln_dimming[j];
+      tried.push_back(mode_from(scene, halo, best.data, options, std::move(p), std::move(dimming)));
+      iterations += tried.back().solved.iterations;
+    }
+    if (tried.empty()) break;
+    std::stable_sort(tried.begin(), tried.end(),
+                     [](const Mode& a, const Mode& b) { return a.cost() < b.cost(); });
+    for (const Mode& mode : tried)
+      if (mode.cost() < best.cost() + kNear) rivals.push_back(mode);
+    if (tried.front().cost() >= best.cost()) break;
+    rivals.push_back(best);
+    best = tried.front();
+  }
+  rivals.push_back(std::move(best));
+  return rivals;
+}
+
+bool burns_unlike_usual(const Mode& mode) {
+  constexpr double kUnusualGain = 0.3;
+  return std::abs(mode.solved.parameters[Layout::ln_gain]) > kUnusualGain ||
+         std::any_of(mode.data.ln_dimming.begin(), mode.data.ln_dimming.end(),
+                     [](double d) { return d != 0; });
+}
+
 JointFit finish(const Scene& scene, const HaloModel& halo, const FitOptions& options, const Mode& mode) {
   const FrameCost cost(scene, halo, mode.data, options);
   JointFit fit = finish(scene, halo, mode.data, options, cost, halo.max_q(), mode.solved);
@@ -536,8 +573,13 @@ JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& 
     modes.push_back(settled(scene, halo, options,
                             mode_from(scene, halo, data, options, start.parameters, start.ln_dimming),
                             iterations));
-  std::stable_sort(modes.begin(), modes.end(),
-                   [](const Mode& a, const Mode& b) { return a.cost() < b.cost(); });
+  const auto by_cost = [](const Mode& a, const Mode& b) { return a.cost() < b.cost(); };
+  std::stable_sort(modes.begin(), modes.end(), by_cost);
+  if (options.ln_half != 0 && options.gain_known && burns_unlike_usual(modes.front())) {
+    for (Mode& mode : with_powers_flipped(scene, halo, options, modes.front(), iterations))
+      modes.push_back(std::move(mode));
+    std::stable_sort(modes.begin(), modes.end(), by_cost);
+  }
   JointFit fit = finish(scene, halo, options, modes.front());
   // The walk along ln σ may come upon a deeper minimum: then the fit starts anew from there, once.
   if (!fit.deeper.empty()) {
