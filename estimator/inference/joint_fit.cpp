@@ -418,16 +418,21 @@ double clearness(double ln_sigma) {
   return 1.0 / (1.0 + std::exp(-6.0 * (x - 0.5)));
 }
 
+// 0 up to some 5 km, 1 in clear air.
+double beyond_haze(double ln_sigma) {
+  return std::max(0.0, clearness(ln_sigma) - 0.6) / 0.4;
+}
+
 }  // namespace
 
 // Droplets grow as the air thickens: q's classes (physics.md) run from air to fog with falling visibility.
 double prior_q(double ln_sigma, const FitOptions& options) {
-  return options.q_mean_fog + (options.q_mean_clear - options.q_mean_fog) * clearness(ln_sigma);
+  return options.q_mean_fog + (options.q_mean_haze - options.q_mean_fog) * clearness(ln_sigma) +
+         (options.q_mean_clear - options.q_mean_haze) * beyond_haze(ln_sigma);
 }
 
 double prior_q_sigma(double ln_sigma, const FitOptions& options) {
-  const double x = std::max(0.0, clearness(ln_sigma) - 0.6) / 0.4;
-  return options.q_sigma + (options.q_sigma_clear - options.q_sigma) * x;
+  return options.q_sigma + (options.q_sigma_clear - options.q_sigma) * beyond_haze(ln_sigma);
 }
 
 Residuals residuals_at(const Scene& scene, const HaloModel& halo, const RingData& data,

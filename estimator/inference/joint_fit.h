@@ -25,7 +25,8 @@ struct FitOptions {
   double ln_gain_sigma = 0.12;  // drift of camera and window together
   bool gain_known = true;       // false: automatic exposure, prior on ln gain is ±3
   double q_mean_fog = 0.86;     // prior mean of q at MOR 300 m; it falls with the logarithm of MOR ...
-  double q_mean_clear = 0.62;   // ... to this at 30 km
+  double q_mean_haze = 0.62;    // ... towards this in haze ...
+  double q_mean_clear = 0.45;   // ... and to this at 30 km
   double q_sigma = 0.10;        // up to some 5 km ...
   double q_sigma_clear = 0.25;  // ... and widening to this: clear air may be anything from gas to haze
   double kappa_sigma = 0.0;     // of ln κ; 0: the point spread's own core uncertainty
