@@ -3,6 +3,7 @@
 #include <exception>
 
 #include "estimator/inference/sun.h"
+#include "estimator/photometry/targets.h"
 
 namespace lampglow {
 namespace {
@@ -32,8 +33,10 @@ bool measured_by_patches(const Bracket& bracket, const photometry::RadianceImage
   if (!site.night || image.empty()) return false;
   if (site.latitude_deg && site.longitude_deg &&
       inference::sun_position(bracket.time_utc, *site.latitude_deg, *site.longitude_deg).altitude_deg >
-          kDark_deg)
+          kDark_deg) {
+    result.reason = "twilight: too light for what [night] was learned from, too dark for day targets";
     return false;
+  }
   inference::measure_patches(image, site.camera, *site.night, options.relative_humidity, options.patches,
                              result);
   return true;
@@ -103,6 +106,25 @@ void flag_light(const std::optional<inference::SunPosition>& sun, const Estimato
     observation.quality.set(Quality::twilight);
 }
 
+// Lamps are no yardstick in daylight where there are targets.
+bool for_targets(const Bracket& bracket, const Site& site, const EstimatorOptions& options) {
+  const auto sun = sun_at(bracket, site);
+  return sun && sun->altitude_deg > options.combine.glow_full_deg && !site.targets.empty();
+}
+
+// Where the sky ends, from the daylight frames among the clear ones; empty without any.
+std::vector<int> skyline_of(std::span<const Bracket> clear, const Site& site,
+                            const EstimatorOptions& options) {
+  std::vector<photometry::RadianceImage> daylight;
+  for (const Bracket& bracket : clear) {
+    if (!for_targets(bracket, site, options)) continue;
+    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (!image.empty()) daylight.push_back(std::move(image));
+  }
+  if (daylight.empty()) return {};
+  return photometry::survey_day(daylight).skyline_px;
+}
+
 }  // namespace
 
 std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
@@ -111,9 +133,7 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
   std::vector<photometry::CatalogueLamp> catalogue = photometry::catalogue_of(site);
   if (catalogue.empty()) return std::nullopt;
   for (const Bracket& bracket : clear) {
-    if (const auto sun = sun_at(bracket, site);
-        sun && sun->altitude_deg > options.combine.glow_full_deg && !site.targets.empty())
-      continue;  // lamps are no yardstick in daylight
+    if (for_targets(bracket, site, options)) continue;
     photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
     if (image.empty()) continue;
     auto registered = photometry::register_frame(image, catalogue, options.registration);
@@ -126,8 +146,10 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
       photometry::refine_catalogue(catalogue, registered, site.camera.width_px, site.camera.height_px);
   for (auto& frame : frames)
     frame.registered = photometry::register_frame(frame.image, catalogue, options.registration);
+  inference::ReferenceOptions reference = options.reference;
+  reference.rings.skyline_px = skyline_of(clear, site, options);
   return inference::learn_clear_reference(frames, site, catalogue, *inference::halo_model(options.model),
-                                          options.reference);
+                                          reference);
 }
 
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,

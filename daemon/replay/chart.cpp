@@ -178,6 +178,16 @@ std::string estimate_marks(const std::vector<Observation>& observations, const T
   return bands + lines + limits + dots;
 }
 
+// A gap of more than three of the usual steps is not bridged by a line.
+std::chrono::duration<double> longest_step(const std::vector<Truth>& truths) {
+  std::vector<std::chrono::duration<double>> steps;
+  for (size_t i = 1; i < truths.size(); ++i) steps.emplace_back(truths[i].time_utc - truths[i - 1].time_utc);
+  if (steps.empty()) return {};
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return 3 * *middle;
+}
+
 std::string truth_line(const std::vector<Truth>& truths, const TimeAxis& x, const LogAxis& y) {
   std::string out;
   std::vector<std::pair<double, double>> points;
@@ -186,12 +196,16 @@ std::string truth_line(const std::vector<Truth>& truths, const TimeAxis& x, cons
     points.clear();
   };
   std::string dots;
+  const auto longest = longest_step(truths);
+  TimePoint previous{};
   for (const Truth& truth : truths) {
     if (truth.time_utc < x.first || truth.time_utc > x.last) continue;
     if (!truth.mor_m) {
       finish();
       continue;
     }
+    if (truth.time_utc - previous > longest) finish();
+    previous = truth.time_utc;
     points.emplace_back(x.px(truth.time_utc), y.px(*truth.mor_m));
     dots += fmt::format("<circle class=\"truthdot\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"1.8\"/>\n",
                         points.back().first, points.back().second);

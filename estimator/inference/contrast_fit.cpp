@@ -113,7 +113,7 @@ double fit_textures(const std::vector<Texture>& used, double sigma, double weigh
       const double u =
           t.log_contrast + t.lighting[0] * lighting[0] + t.lighting[1] * lighting[1] - sigma * t.distance_m;
       const double model = log_gradient_energy(u, t.floor_energy, t.noise_energy);
-      const double slope = 2 * std::exp(2 * u - model);  // ∂model/∂u
+      const double slope = gradient_energy_slope(u, model);
       const double s = 2 * t.sigma, z = (t.log_energy - model) / s;
       cost += weight * 0.5 * c2 * std::log1p(z * z / c2);
       const double w = weight / (1 + z * z / c2) / (s * s);
@@ -134,6 +134,10 @@ double fit_textures(const std::vector<Texture>& used, double sigma, double weigh
 
 double log_gradient_energy(double log_contrast, double floor_energy, double noise_energy) {
   return std::log(std::exp(2 * log_contrast) + floor_energy + noise_energy);
+}
+
+double gradient_energy_slope(double log_contrast, double log_energy) {
+  return 2 * std::exp(2 * log_contrast - log_energy);
 }
 
 ContrastFit fit_contrast(const DayView& view, const Site& site, const ContrastFitOptions& options) {

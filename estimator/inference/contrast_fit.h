@@ -43,5 +43,7 @@ inline double airlight_ratio(double r0, double transmission) {
 
 // The model of ln gradient energy at log_contrast (lighting and haze included), with the energies that stay.
 double log_gradient_energy(double log_contrast, double floor_energy, double noise_energy);
+// Its slope against log_contrast, where it is `log_energy`.
+double gradient_energy_slope(double log_contrast, double log_energy);
 
 }  // namespace lampglow::inference

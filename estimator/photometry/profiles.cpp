@@ -90,6 +90,12 @@ void sample_outer_rings(RingMap& map, const AngularScale& scale) {
   }
 }
 
+bool is_sky(const RingOptions& options, int column, int row) {
+  if (static_cast<size_t>(column) >= options.skyline_px.size()) return true;
+  const int skyline = options.skyline_px[static_cast<size_t>(column)];
+  return skyline < 0 || row < skyline - options.skyline_margin_px;
+}
+
 struct Sample {
   std::int32_t ring;
   float value, variance, weight;
@@ -276,7 +282,7 @@ RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres,
   for (int row = 0; row < camera.height_px; ++row)
     for (int column = 0; column < camera.width_px; ++column) {
       const Owner owner = owner_of(scale.direction(column + 0.5, row + 0.5), lamps, centres);
-      if (owner.lamp < 0) continue;
+      if (owner.lamp < 0 || (owner.theta > map.inner_zone_rad && !is_sky(options, column, row))) continue;
       const int k = ring_of_angle(owner.theta, map.edges_rad);
       if (k >= 0) map.ring_of_pixel.at(column, row) = owner.lamp * options.rings + k;
     }

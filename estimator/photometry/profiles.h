@@ -21,6 +21,10 @@ struct RingOptions {
   int min_pixels = 12;         // rings with fewer good pixels are dropped
   double clip_sigma =
       5.0;  // pixels farther than this from the ring's median (by its median deviation) are dropped
+  // Of each picture column the first row that is no sky, -1 for none; empty if not known. The sky is smooth
+  // and part of the fit's model, what stands before it is not: outer rings are then made of sky alone.
+  std::vector<int> skyline_px = {};
+  int skyline_margin_px = 4;  // for a shaking camera and the lens' spread
 };
 
 // Where a lamp is in the picture, pixel centres at .5, and how it divides the picture with its neighbours.

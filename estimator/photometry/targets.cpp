@@ -105,6 +105,16 @@ double skyline_part(const std::vector<int>& skyline, int left, int top, int side
   return static_cast<double>(inside) / side;
 }
 
+// Nearly all of it above the skyline: what shows there is clouds, a dirty window or the picture's edge.
+bool sky_alone(const std::vector<int>& skyline, int left, int top, int side) {
+  int not_sky = 0;
+  for (int x = left; x < left + side; ++x) {
+    const int row = skyline[static_cast<size_t>(x)];
+    not_sky += row < 0 || row < top + side;
+  }
+  return not_sky < 0.1 * side;
+}
+
 }  // namespace
 
 DaySurvey survey_day(std::span<const RadianceImage> clear, const DaySurveyOptions& options) {
@@ -129,6 +139,7 @@ DaySurvey survey_day(std::span<const RadianceImage> clear, const DaySurveyOption
   for (int row = 0; first + (row + 1) * side <= picture.height_px; ++row)
     for (int column = 0; (column + 1) * side <= picture.width_px; ++column) {
       const int x = column * side, y = first + row * side;
+      if (sky_alone(survey.skyline_px, x, y, side)) continue;
       std::vector<double> snr;
       for (const RadianceImage& frame : clear) {
         const Energy e = energy_of(frame, x, y, side);

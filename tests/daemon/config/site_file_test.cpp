@@ -158,6 +158,42 @@ TEST(SiteFile, WhatIsWrittenReadsBack) {
   EXPECT_EQ(back.camera.response.curve, site.camera.response.curve) << "to the last bit";
 }
 
+TEST(SiteFile, WhatCalibrateLearnedReadsBack) {
+  Site site = parse(kExample);
+  Target& target = site.targets[0];
+  target.distance_sigma_m = 31.5;
+  target.brightness_ratio = 0.0625;
+  target.brightness_ratio_sigma = 0.015625;
+  target.contrast = TargetContrast{-3.5, 0.25, -2.125, {0.375, -0.5}};
+  site.day = DayCalibration{4, 60, 700, 90, 0.3125, 6.5, true};
+  site.night = NightCalibration{32, -5.5, 0.4375, -8.25, -4.5, {1.5, -2.25}, {0.5, 0.75}, {0.0625, -0.125}};
+  const Site back = parse(format_site(site));
+  ASSERT_TRUE(back.targets[0].contrast && back.day && back.night);
+  EXPECT_EQ(back.targets[0].distance_sigma_m, 31.5);
+  EXPECT_EQ(back.targets[0].brightness_ratio, 0.0625);
+  EXPECT_EQ(back.targets[0].brightness_ratio_sigma, 0.015625);
+  const TargetContrast& contrast = *back.targets[0].contrast;
+  EXPECT_EQ(contrast.log_contrast, -3.5);
+  EXPECT_EQ(contrast.log_contrast_sigma, 0.25);
+  EXPECT_EQ(contrast.log_floor, -2.125);
+  EXPECT_EQ(contrast.lighting, (std::array<double, 2>{0.375, -0.5}));
+  EXPECT_EQ(back.day->sky_x_px, 4);
+  EXPECT_EQ(back.day->sky_y_px, 60);
+  EXPECT_EQ(back.day->sky_width_px, 700);
+  EXPECT_EQ(back.day->sky_height_px, 90);
+  EXPECT_EQ(back.day->log_extinction_sigma, 0.3125);
+  EXPECT_EQ(back.day->independent_targets, 6.5);
+  EXPECT_TRUE(back.day->colour);
+  EXPECT_EQ(back.night->patch_px, 32);
+  EXPECT_EQ(back.night->log_extinction_mean, -5.5);
+  EXPECT_EQ(back.night->log_extinction_sigma, 0.4375);
+  EXPECT_EQ(back.night->log_extinction_low, -8.25);
+  EXPECT_EQ(back.night->log_extinction_high, -4.5);
+  EXPECT_EQ(back.night->mean, site.night->mean);
+  EXPECT_EQ(back.night->scale, site.night->scale);
+  EXPECT_EQ(back.night->weight, site.night->weight);
+}
+
 TEST(SiteFile, ACurveThatIsNoneIsToldWithItsPlace) {
   const TemporaryFolder folder;
   std::string curve = "dn,relative_radiance\n";

@@ -34,6 +34,38 @@ TEST(ContrastModel, GradientEnergyAddsUp) {
   EXPECT_NEAR(log_gradient_energy(-50.0, 0.25, 0.75), 0.0, 1e-12);
 }
 
+TEST(ContrastModel, SlopeIsThatOfFiniteDifferences) {
+  for (const double u : {-9.0, -4.0, -1.5})
+    for (const double floor : {0.0, 1e-4})
+      for (const double noise : {1e-6, 1e-3}) {
+        const double step = 1e-5;
+        const double difference =
+            (log_gradient_energy(u + step, floor, noise) - log_gradient_energy(u - step, floor, noise)) /
+            (2 * step);
+        EXPECT_NEAR(gradient_energy_slope(u, log_gradient_energy(u, floor, noise)), difference,
+                    1e-6 * (difference + 1e-3))
+            << u << " " << floor << " " << noise;
+      }
+}
+
+TEST(ContrastDay, LowSunAndTheSunInThePictureAreFlagged) {
+  const DayScene scene = day_scene({150, 500, 1400, 4000});
+  std::mt19937_64 random(5);
+  photometry::RadianceImage image = draw_day(scene, kMorTimesExtinction / 2000, random);
+  const auto flags = [&](double altitude_deg) {
+    FrameResult result;
+    measure_day(image, scene.site, SunPosition{altitude_deg, 180}, true, std::nullopt, {}, result);
+    EXPECT_TRUE(result.observation.mor_m());
+    return result.observation.quality;
+  };
+  EXPECT_FALSE(flags(30).has(Quality::low_sun));
+  EXPECT_FALSE(flags(30).has(Quality::sun_in_picture));
+  EXPECT_TRUE(flags(3).has(Quality::low_sun));
+  for (int y = 0; y < 40; ++y)  // the sun and its bloom, in the sky above all targets
+    for (int x = 200; x < 280; ++x) image.mask.at(x, y) |= photometry::kSaturated;
+  EXPECT_TRUE(flags(3).has(Quality::sun_in_picture));
+}
+
 // Four targets from 150 m to 4 km, 240 scenes, MOR 50 m to 8 km: within the WMO limits, and the bounds cover.
 TEST(ContrastDay, FourTargetsMeasureWithinTheWmoLimits) {
   const DayScene scene = day_scene({150, 500, 1400, 4000});

@@ -151,6 +151,21 @@ TEST(JointFit, RandomTruthsLieWithinTheClaimedBounds) {
   EXPECT_LT(s.errors[20], 0.08);
 }
 
+TEST(RingMap, OuterRingsAreOfSkyAloneWhereTheSkylineIsKnown) {
+  photometry::RingOptions options{.rings = 30};
+  options.skyline_px.assign(static_cast<size_t>(camera().width_px), 100);
+  options.skyline_px[7] = -1;  // a column of nothing but sky
+  const std::vector<photometry::RingCentre> centres{{60, 120}};
+  const auto map = photometry::make_ring_map(camera(), centres, options);
+  const auto whole = photometry::make_ring_map(camera(), centres, {.rings = 30});
+  const int edge = 100 - options.skyline_margin_px;
+  EXPECT_EQ(map.ring_of_pixel.at(90, edge - 1), whole.ring_of_pixel.at(90, edge - 1));
+  EXPECT_GE(map.ring_of_pixel.at(90, edge - 1), 0);
+  EXPECT_EQ(map.ring_of_pixel.at(90, edge), -1);
+  EXPECT_EQ(map.ring_of_pixel.at(7, 120), whole.ring_of_pixel.at(7, 120));
+  EXPECT_EQ(map.ring_of_pixel.at(61, 121), 0) << "the lamp itself stays, whatever it stands before";
+}
+
 TEST(JointFit, OutliersDoNotCarryTheAnswerAway) {
   const Score s = score(Fixture(4), 0.05, 12);
   EXPECT_GE(s.inside, 34) << "of " << s.count;
