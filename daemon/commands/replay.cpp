@@ -25,7 +25,7 @@ namespace {
 constexpr std::size_t kLongestTable = 200;
 
 struct Arguments {
-  std::string archive, site_file, database, csv, truth, report;
+  std::string archive, site_file, database, csv, truth, report, model = "table";
   std::size_t workers = 0;
   bool json = false;
   bool serve = false;
@@ -44,6 +44,7 @@ ReplayOptions to_options(const Arguments& arguments) {
   options.database = path_or_none(arguments.database);
   options.csv = path_or_none(arguments.csv);
   options.workers = arguments.workers;
+  options.estimator.model = inference::parse_halo_kind(arguments.model).value_or(options.estimator.model);
   return options;
 }
 
@@ -143,6 +144,9 @@ void add_replay(CLI::App& program) {
   command->add_option("--csv", a->csv, "Write one line for every frame")->type_name("FILE");
   command->add_option("--truth", a->truth, "Score against this sensor's record (truth.csv)")
       ->type_name("FILE");
+  command->add_option("--model", a->model, "Scattering model of the lamps' halos")
+      ->check(CLI::IsMember({"table", "apsf_series", "single", "diffusion"}))
+      ->capture_default_str();
   command->add_option("--report", a->report, "Write a report as one HTML file")->type_name("FILE");
   command->add_option("--workers", a->workers, "Threads that estimate; the cores if not given")
       ->check(CLI::Range(1, 1024))
