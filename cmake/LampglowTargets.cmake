@@ -37,10 +37,14 @@ function(lampglow_library name)
   target_link_libraries(${name} PRIVATE lampglow_options Threads::Threads ${ARG_DEPENDS} ${ARG_THIRD_PARTY})
 endfunction()
 
-# lampglow_test(NAME DEPENDS ours... [THIRD_PARTY targets...] [LABEL label] [TIMEOUT seconds]): one GoogleTest program
-# of all *_test.cpp in this folder; every test case is a CTest test.
+# The tests that scripts/test builds under the address sanitizer.
+add_custom_target(lampglow_unit_tests)
+
+# lampglow_test(NAME DEPENDS ours... [THIRD_PARTY targets...] [LABEL label] [TIMEOUT seconds] [PROGRAM]): one GoogleTest
+# program of all *_test.cpp in this folder; every test case is a CTest test, labelled unit unless told otherwise.
+# PROGRAM: the test runs the lampglow program itself (LAMPGLOW_BINARY), so that one is built first.
 function(lampglow_test name)
-  cmake_parse_arguments(ARG "" "LABEL;TIMEOUT" "DEPENDS;THIRD_PARTY" ${ARGN})
+  cmake_parse_arguments(ARG "PROGRAM" "LABEL;TIMEOUT" "DEPENDS;THIRD_PARTY" ${ARGN})
   if(NOT ARG_LABEL)
     set(ARG_LABEL unit)
   endif()
@@ -51,9 +55,13 @@ function(lampglow_test name)
   add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE lampglow_options Threads::Threads ${ARG_DEPENDS} ${ARG_THIRD_PARTY}
     GTest::gmock GTest::gtest_main)
-  target_compile_definitions(${name} PRIVATE LAMPGLOW_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
-    LAMPGLOW_BINARY="$<TARGET_FILE:lampglow>")
-  add_dependencies(${name} lampglow)
+  target_compile_definitions(${name} PRIVATE LAMPGLOW_SOURCE_DIR="${CMAKE_SOURCE_DIR}")
+  if(ARG_PROGRAM)
+    target_compile_definitions(${name} PRIVATE LAMPGLOW_BINARY="$<TARGET_FILE:lampglow>")
+    add_dependencies(${name} lampglow)
+  elseif(ARG_LABEL STREQUAL "unit")
+    add_dependencies(lampglow_unit_tests ${name})
+  endif()
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST
     PROPERTIES LABELS ${ARG_LABEL} TIMEOUT ${ARG_TIMEOUT})
 endfunction()
