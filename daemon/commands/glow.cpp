@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,6 +26,7 @@ struct Options {
   double q = 0, thickness = 0, albedo = 1;
   std::string model = "table";
   std::vector<double> theta_deg;
+  std::optional<double> medium_radius;  // mean free paths
   std::uint64_t photons = 4'000'000, seed = 1;
   unsigned threads = 0;
 };
@@ -80,6 +82,8 @@ void check_monte_carlo(const Options& options) {
   if (!(options.albedo > 0 && options.albedo <= 1)) refuse("albedo", options.albedo, "above 0 to 1");
   for (const double theta : options.theta_deg)
     if (!(theta >= 0.01 && theta <= 170)) refuse("theta [deg]", theta, "0.01..170");
+  if (options.medium_radius && !(*options.medium_radius > options.thickness && *options.medium_radius <= 1e4))
+    refuse("medium radius", *options.medium_radius, "range, above the optical thickness to 10000");
 }
 
 // One run for every angle: a ring of its own, 6 % wide.
@@ -94,6 +98,7 @@ void print_monte_carlo(const Options& options) {
     run.theta_edges_rad = {theta_deg * 0.97 * kDegree, theta_deg * 1.03 * kDegree};
     run.photons = options.photons;
     run.seed = options.seed;
+    run.black_radius = options.medium_radius;
     const auto glow = scattering::simulate_glow(run, threads(options.threads));
     std::printf("%.10g,%.9e,%.9e,%.9e\n", theta_deg, glow.single(0, 0, 0).value, glow.multiple(0, 0, 0).value,
                 glow.total(0, 0, 0).value);
@@ -105,6 +110,8 @@ void print_monte_carlo(const Options& options) {
   std::printf("# %llu photons for each angle, seed %llu; each value is the mean over a ring of +-3 %%\n",
               static_cast<unsigned long long>(options.photons),
               static_cast<unsigned long long>(options.seed));
+  if (options.medium_radius)
+    std::printf("# in a ball of fog of %.10g mean free paths, nothing beyond it\n", *options.medium_radius);
 }
 
 void run(const Options& options) {
@@ -114,6 +121,9 @@ void run(const Options& options) {
     print_monte_carlo(options);
     return;
   }
+  if (options.medium_radius)
+    throw UsageError(
+        "glow: --medium-radius is for --model monte_carlo; the other models' medium is infinite");
   const GlowModel model = *scattering::parse_glow_model(options.model);
   const std::string outside = scattering::outside_glow_model(model, options.thickness, options.q,
                                                              options.albedo, radians(options.theta_deg));
@@ -144,6 +154,9 @@ void add_glow(CLI::App& program) {
   command->add_option("--photons", options->photons, "monte_carlo: photons for each angle")
       ->check(CLI::Range(std::uint64_t{64}, std::uint64_t{1'000'000'000'000}))
       ->capture_default_str();
+  command->add_option(
+      "--medium-radius", options->medium_radius,
+      "monte_carlo: photons are lost this many mean free paths from the lamp; infinite by default");
   command->add_option("--seed", options->seed, "monte_carlo: seed")->capture_default_str();
   command->add_option("--threads", options->threads, "monte_carlo: threads; 0 for one per core")
       ->capture_default_str();

@@ -111,8 +111,10 @@ std::string weather(double thickness, const char* name) {
                   "radiance per unit flux, optical units", lines);
 }
 
-// The lamp's light opened by so many degrees, relative to the whole lamp of the same intensity.
-std::string source_visibility(const Options& options, double thickness) {
+// A lamp of which a part is hidden, relative to the direct beam. A cone is open about the line to the camera,
+// a sector about straight up in the picture; per unit of intensity, so that the direct beam is the same for
+// all.
+std::string source_visibility(const Options& options, scattering::LampEmission::Kind kind, double thickness) {
   scattering::LampScene scene;
   scene.distance_m = 100;
   scene.medium = {thickness / scene.distance_m, 1, 0.9};
@@ -122,9 +124,7 @@ std::string source_visibility(const Options& options, double thickness) {
   rays.seed = options.checks.seed;
   std::vector<Line> lines;
   for (const double opening : {360.0, 315.0, 240.0, 180.0, 90.0, 30.0}) {
-    // A cone about the line to the camera; per unit of intensity, so that the direct beam is the same for
-    // all.
-    scene.emission = {scattering::LampEmission::Kind::cone, opening, 0, 0};
+    scene.emission = {kind, opening, 0, 0};
     const auto seen = scattering::simulate_camera(scene, rays, threads(options.threads));
     Line line{fmt::format("{:.0f}°", opening), {}, {}, false};
     for (std::size_t ring = 0; ring < seen.rings; ++ring) {
@@ -133,8 +133,41 @@ std::string source_visibility(const Options& options, double thickness) {
     }
     lines.push_back(std::move(line));
   }
-  return svg_plot(fmt::format("Source visibility, T = {}, q = 0.9", thickness), "angle from the lamp [deg]",
+  const char* what = kind == scattering::LampEmission::Kind::sector ? "Part hidden" : "Cone";
+  return svg_plot(fmt::format("{}, T = {}, q = 0.9", what, thickness), "angle from the lamp [deg]",
                   "radiance over direct irradiance [1/sr]", lines);
+}
+
+// Where the light of a lamp with a hidden part is seen: the glow in twelve directions round it, as shares of
+// the whole lamp's.
+std::string hidden_part_table(const Options& options, double thickness) {
+  constexpr std::size_t kSectors = 12;
+  scattering::LampScene scene;
+  scene.distance_m = 100;
+  scene.medium = {thickness / scene.distance_m, 1, 0.9};
+  scattering::CameraRays rays;
+  rays.theta_edges_rad = {1.0 * kDegree, 2.0 * kDegree};
+  rays.azimuth_bins = kSectors;
+  rays.paths_per_bin = options.checks.paths;
+  rays.seed = options.checks.seed;
+  std::string html = fmt::format(
+      "<p>T = {}: the ring of 1° to 2°, glow relative to the whole lamp's at the same place, in per cent.</p>"
+      "<table><tr><th>open</th>",
+      thickness);
+  for (std::size_t sector = 0; sector < kSectors; ++sector)
+    html += fmt::format("<th>{}°</th>", sector * 360 / kSectors);
+  html += "</tr>\n";
+  const auto whole = scattering::simulate_camera(scene, rays, threads(options.threads));
+  for (const double opening : {315.0, 240.0, 180.0, 90.0, 30.0}) {
+    scene.emission = {scattering::LampEmission::Kind::sector, opening, 0, 0};
+    const auto part = scattering::simulate_camera(scene, rays, threads(options.threads));
+    html += fmt::format("<tr><td>{:.0f}°</td>", opening);
+    for (std::size_t sector = 0; sector < kSectors; ++sector)
+      html += fmt::format("<td>{:.0f}</td>", 100 * part.radiance(0, sector).value / part.direct_irradiance /
+                                                 (whole.radiance(0, sector).value / whole.direct_irradiance));
+    html += "</tr>\n";
+  }
+  return html + "</table>\n";
 }
 
 std::string base64(const std::vector<unsigned char>& bytes) {
@@ -237,11 +270,18 @@ void run(const Options& options) {
   file << concentrations(options);
   file << "<h2>Mild and dense weather</h2>\n" << weather(1.2, "Mild") << weather(4, "Dense");
   std::fputs("source visibility...\n", stderr);
-  file << "<h2>Source visibility</h2>\n<p>The lamp's light leaves a cone about the line to the camera, of "
-          "this full angle; "
-          "all have the same direct beam. Path-traced, "
-       << options.checks.paths << " paths a ring.</p>\n"
-       << source_visibility(options, 1.2) << source_visibility(options, 4);
+  using Kind = scattering::LampEmission::Kind;
+  file
+      << "<h2>Source visibility</h2>\n<p>A part of the lamp is hidden, as the lecture has it: light leaves "
+         "only into the sector of this opening, centred on straight up as the camera sees it; mean over "
+         "whole rings. All have the same direct beam. Path-traced, "
+      << options.checks.paths << " paths a ring.</p>\n"
+      << source_visibility(options, Kind::sector, 1.2) << source_visibility(options, Kind::sector, 4)
+      << "<p>Round the lamp, clockwise from straight up, the glow sits where the light goes; the thicker the "
+         "fog, the less so.</p>\n"
+      << hidden_part_table(options, 1.2) << hidden_part_table(options, 4)
+      << "<p>The lamp's light leaves a cone about the line to the camera, of this full angle.</p>\n"
+      << source_visibility(options, Kind::cone, 1.2) << source_visibility(options, Kind::cone, 4);
   std::fputs("pictures...\n", stderr);
   file << rendered_scene() << "</body></html>\n";
   file.close();

@@ -127,7 +127,7 @@ class Scene {
         sum += weight * aimed_light(here, direction, random);
       }
       const double ground_at = distance_to_ground(here.position, direction);
-      const double distance = -std::log(random.uniform()) / extinction_;
+      const double distance = -std::log(random.open_uniform()) / extinction_;
       const bool ground = distance >= ground_at;
       const Place next{here.position + std::min(distance, ground_at) * direction, direction,
                        ground ? Place::Kind::ground : Place::Kind::air};

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "estimator/scattering/far_field.h"
 #include "estimator/scattering/random.h"
 
 namespace lampglow::scattering {
@@ -100,10 +101,8 @@ class BlockRun {
         weights_(run.albedos.size()),
         bins_(run.theta_edges_rad.size() - 1),
         q_(static_cast<float>(run.q)),
-        transport_length_(1.0f / (1.0f - q_)),
-        far_radius_(run.black_radius
-                        ? static_cast<float>(*run.black_radius)
-                        : radii_.back() + static_cast<float>(run.far_margin) * transport_length_) {
+        far_(run.black_radius.value_or(run.thicknesses.back() + run.far_margin / (1 - run.q)), run.q),
+        far_radius_(static_cast<float>(far_.radius())) {
     const std::size_t size = run.albedos.size() * radii_.size() * bins_;
     tally_.single.assign(size, 0);
     tally_.multiple.assign(size, 0);
@@ -193,32 +192,19 @@ class BlockRun {
     }
   }
 
-  // Diffusion outside a sphere that takes every walker in: from r the share R/r comes back, after a time with
-  // Lévy's distribution (x/Z)²/2D, Z normal. Directions are remembered for one transport length l*. Seen from
-  // outside the sphere is black, so the density falls to nothing not at its surface but as if at an R that
-  // keeps Milne's ratio of density to slope there: 0.7104 l* for a plane, more for a small sphere (Davison
-  // 1957, Neutron Transport Theory, ch. 14, between 0.7104 and 4/3; the slope 0.25 is ours, chosen so that
-  // the result does not depend on where far begins).
   bool return_from_far(Photon& photon) {
     if (run_.black_radius) return false;
-    const float start = photon.radius + photon.cosine * q_ * transport_length_;
-    const float milne = (0.7104f + 0.25f * transport_length_ / far_radius_) * transport_length_;
-    const float hit = far_radius_ * far_radius_ / (far_radius_ + milne);
-    if (random_.uniform() * static_cast<double>(start) > static_cast<double>(hit)) return false;
-    if (!lossless_) lose_on_the_way(static_cast<double>(std::max(start - hit, 0.0f)));
-    const float inward = std::sqrt(random_.two_uniforms()[0]);  // Lambert's law
+    const auto from = static_cast<double>(photon.radius), cosine = static_cast<double>(photon.cosine);
+    if (!far_.comes_back(from, cosine, random_)) return false;
+    if (!lossless_) {
+      const double scatterings = far_.scatterings(from, cosine, random_);
+      for (std::size_t a = 0; a < weights_.size(); ++a)
+        weights_[a] *= static_cast<float>(std::pow(static_cast<double>(albedos_[a]), scatterings));
+    }
+    const auto inward = static_cast<float>(FarField::inward_cosine(random_));
     photon = {far_radius_, -inward, std::sqrt((1 - inward) * (1 + inward))};
     returned_ = true;
     return true;
-  }
-
-  void lose_on_the_way(double distance) {
-    const double normal =
-        std::sqrt(-2 * std::log(random_.uniform())) * std::cos(2 * std::numbers::pi * random_.uniform());
-    const double diffusivity = static_cast<double>(transport_length_) / 3;
-    const double scatterings = distance * distance / (2 * diffusivity * normal * normal);
-    for (std::size_t a = 0; a < weights_.size(); ++a)
-      weights_[a] *= static_cast<float>(std::pow(static_cast<double>(albedos_[a]), scatterings));
   }
 
   const GlowPhotons& run_;
@@ -227,7 +213,9 @@ class BlockRun {
   Random random_;
   std::vector<float> radii_, albedos_, weights_;
   std::size_t bins_;
-  float q_, transport_length_, far_radius_;
+  float q_;
+  FarField far_;
+  float far_radius_;
   bool lossless_ = false;
   bool returned_ = false;
   Tally tally_;

@@ -31,8 +31,7 @@ struct GlowPhotons {
   std::uint64_t photons = 1'000'000;    // rounded up to a multiple of kPhotonBlocks
   std::uint64_t seed = 1;
   // Photons farther out than the largest sphere by this many transport mean free paths 1/(1-q) are not
-  // followed but return by the law of diffusion (first passage to that radius, with its time). Its bias was
-  // measured, see the test FarFieldDoesNotMatter.
+  // followed but return by the law of diffusion, see far_field.h.
   double far_margin = 2;
   // Set, photons beyond this radius are lost instead: a finite ball of fog, as in a path tracer's scene. It
   // must lie outside the largest sphere.

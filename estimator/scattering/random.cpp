@@ -1,10 +1,9 @@
-#include "daemon/simulation/random.h"
+#include "estimator/scattering/random.h"
 
-#include <bit>
 #include <cmath>
 #include <numbers>
 
-namespace lampglow::simulation {
+namespace lampglow::scattering {
 
 namespace {
 
@@ -25,30 +24,6 @@ Random::Random(std::uint64_t seed, std::initializer_list<std::uint64_t> stream_n
   std::uint64_t state = seed;
   for (std::uint64_t part : stream_name) state = split_mix(state) ^ (part * 0xd1342543de82ef95u);
   for (std::uint64_t& word : state_) word = split_mix(state);
-}
-
-std::uint64_t Random::bits() {
-  const std::uint64_t result = std::rotl(state_[1] * 5, 7) * 9;
-  const std::uint64_t shifted = state_[1] << 17;
-  state_[2] ^= state_[0];
-  state_[3] ^= state_[1];
-  state_[1] ^= state_[2];
-  state_[0] ^= state_[3];
-  state_[2] ^= shifted;
-  state_[3] = std::rotl(state_[3], 45);
-  return result;
-}
-
-double Random::uniform() {
-  return static_cast<double>(bits() >> 11) * 0x1p-53;
-}
-
-double Random::uniform(double low, double high) {
-  return low + (high - low) * uniform();
-}
-
-int Random::below(int count) {
-  return static_cast<int>(uniform() * count);
 }
 
 // Box and Muller's pair; the second is kept for the next call.
@@ -78,4 +53,4 @@ double Random::poisson(double mean) {
   return k;
 }
 
-}  // namespace lampglow::simulation
+}  // namespace lampglow::scattering
