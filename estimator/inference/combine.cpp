@@ -65,7 +65,9 @@ Observation choose(const Observation& glow, const Observation& contrast, double 
     const Observation& limit = has_value(glow) ? contrast : glow;
     const double value_part = has_value(glow) ? glow_part : contrast_part;
     const double limit_part = has_value(glow) ? contrast_part : glow_part;
-    return contradicts(limit, value) && limit_part > value_part ? limit : value;
+    // A limit from a model that does not fit its own picture undoes no value that does fit.
+    const bool doubtful = limit.quality.has(Quality::poor_fit) && !value.quality.has(Quality::poor_fit);
+    return contradicts(limit, value) && limit_part > value_part && !doubtful ? limit : value;
   }
   if (glow.limit == contrast.limit) return tighter(glow, contrast);
   return glow_part >= contrast_part ? glow : contrast;

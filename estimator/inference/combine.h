@@ -20,9 +20,9 @@ double glow_weight(std::optional<double> sun_altitude_deg, const CombineOptions&
 
 // Two observations of one frame, either of which may have no value. Values are averaged in ln σ with their
 // inverse variances times the weights, the error grown where they disagree beyond their bounds. A limit gives
-// way to a value that it does not contradict; of two limits of one kind the tighter holds. The method is the
-// one that weighed more; quality flags are those of both, without `daylight` and `twilight`, which the caller
-// sets.
+// way to a value that it does not contradict, and, if it alone is of a poor fit, to any; of two limits of one
+// kind the tighter holds. The method is the one that weighed more; quality flags are those of both, without
+// `daylight` and `twilight`, which the caller sets.
 Observation combine(const Observation& glow, const Observation& contrast,
                     std::optional<double> sun_altitude_deg, const CombineOptions& options = {});
 

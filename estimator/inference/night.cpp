@@ -24,23 +24,62 @@ double expected_core_ratio(const Scene& scene, const JointFit& fit, size_t j) {
 }
 
 struct Night {
+  Scene scene;  // the reference's lamps, then the frame's guests
   RingData data;
   JointFit fit;
 };
 
+// Lights of this frame that the scene knows nothing of.
+std::vector<photometry::DetectedLight> foreign_lights(const photometry::RegisteredFrame& registered) {
+  std::vector<photometry::DetectedLight> foreign;
+  for (const auto& light : registered.strays)
+    if (light.snr > 8) foreign.push_back(light);
+  return foreign;
+}
+
+// The brightest foreign lights as lamps of unknown distance: their halos are in the frame's rings.
+std::vector<SceneLamp> guests_of(std::span<const photometry::DetectedLight> foreign,
+                                 const photometry::RegisteredFrame& registered,
+                                 const photometry::RadianceImage& image, const ClearReference& reference,
+                                 const NightOptions& options) {
+  const double x0 = image.radiance.width_px / 2.0, y0 = image.radiance.height_px / 2.0;
+  const double c = std::cos(registered.rotation_rad), s = std::sin(registered.rotation_rad);
+  std::vector<SceneLamp> guests;
+  for (const auto& light : foreign) {
+    if (static_cast<int>(guests.size()) >= options.max_guests) break;
+    if (!(light.flux > 0)) continue;
+    const double dx = light.x_px - registered.shift_x_px - x0, dy = light.y_px - registered.shift_y_px - y0;
+    SceneLamp guest;
+    guest.id = "guest";
+    guest.x_px = x0 + c * dx + s * dy;
+    guest.y_px = y0 - s * dx + c * dy;
+    guest.distance_m = options.guest_distance_m;
+    guest.distance_ln_sigma = options.guest_distance_ln_sigma;
+    guest.ln_beam = std::log(light.flux / reference.spread.core_fraction);
+    guest.ln_beam_sigma = light.saturated_pixels > 0 ? options.guest_saturated_ln_sigma
+                                                     : std::hypot(0.2, light.flux_sigma / light.flux);
+    guest.ln_strength = *guest.ln_beam;
+    guest.ln_strength_sigma = options.guest_strength_ln_sigma;
+    guest.catalogued = false;
+    guests.push_back(guest);
+  }
+  return guests;
+}
+
 // Lamps without a core start as off. Those that the fit then says could not be seen anyway are lit: their
 // halo counts.
 Night fit_with_outages(const photometry::RegisteredFrame& registered, const ClearReference& reference,
-                       const HaloModel& halo, const NightOptions& options, RingData data) {
-  const Scene& scene = *reference.scene;
+                       const HaloModel& halo, const NightOptions& options, Scene with_guests, RingData data) {
+  Night night{std::move(with_guests), {}, {}};
+  const Scene& scene = night.scene;
+  data.lit.resize(scene.lamps().size(), 1);
   const bool any = std::any_of(registered.lamps.begin(), registered.lamps.end(), shows);
-  std::vector<char> doubtful(scene.lamps().size(), 0);
+  std::vector<char> doubtful(registered.lamps.size(), 0);
   for (size_t j = 0; j < doubtful.size() && any; ++j) {
     doubtful[j] =
         registered.lamps[j].state == LampState::off || registered.lamps[j].state == LampState::hidden;
     data.lit[j] = !doubtful[j];
   }
-  Night night;
   for (int round = 0; round < 4; ++round) {
     night.fit = fit_jointly(scene, halo, data, options.fit);
     bool changed = false;
@@ -60,7 +99,7 @@ Night fit_with_outages(const photometry::RegisteredFrame& registered, const Clea
 
 void describe_lamps(const Night& night, const photometry::RegisteredFrame& registered, const Site& site,
                     const ClearReference& reference, FrameResult& result) {
-  const Scene& scene = *reference.scene;
+  const Scene& scene = night.scene;
   const Layout at(scene.lamps().size());
   const auto per_lamp = static_cast<size_t>(reference.rings->options.rings);
   for (size_t j = 0; j < scene.lamps().size(); ++j) {
@@ -112,8 +151,10 @@ void fill_weather(const JointFit& fit, const SigmaBounds& bounds, std::optional<
   AirEstimate air;
   air.ln_sigma = bounds.limit == Limit::none ? fit.ln_sigma() : std::log(bounds.value);
   air.ln_sigma_sd = bounds.limit == Limit::none ? bounds.ln_sd : 0.05;
-  air.q = fit.parameters[Layout::q];
-  air.q_sd = std::max(fit.sigma[Layout::q], 0.01);
+  if (bounds.limit == Limit::none) {  // a limit has no q: its best mode need not be the right one
+    air.q = fit.parameters[Layout::q];
+    air.q_sd = std::max(fit.sigma[Layout::q], 0.01);
+  }
   air.relative_humidity = humidity;
   air.limit = bounds.limit;
   observation.weather_probability = weather_probabilities(air);
@@ -149,14 +190,6 @@ void fill_flags(const Night& night, const photometry::RegisteredFrame& registere
   if (night.fit.chi2_per_ring > options.poor_chi2) flags.set(Quality::poor_fit);
 }
 
-// Lights of this frame that the scene knows nothing of.
-std::vector<photometry::DetectedLight> foreign_lights(const photometry::RegisteredFrame& registered) {
-  std::vector<photometry::DetectedLight> foreign;
-  for (const auto& light : registered.strays)
-    if (light.snr > 8) foreign.push_back(light);
-  return foreign;
-}
-
 }  // namespace
 
 void measure_night(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
@@ -165,12 +198,16 @@ void measure_night(const photometry::RadianceImage& image, const photometry::Reg
   NightOptions options = given;
   options.fit.ln_half = options.ln_half;
   options.fit.gain_known = !image.relative && !reference.relative;
-  RingData data = ring_data(image, registered, *reference.rings, foreign_lights(registered), options.errors);
+  const auto foreign = foreign_lights(registered);
+  RingData data = ring_data(image, registered, *reference.rings, foreign, options.errors);
   if (std::none_of(data.used.begin(), data.used.end(), [](char u) { return u != 0; })) {
     result.reason = "no ring of any lamp could be measured";
     return;
   }
-  const Night night = fit_with_outages(registered, reference, halo, options, std::move(data));
+  const Night night = fit_with_outages(
+      registered, reference, halo, options,
+      reference.scene->with_guests(guests_of(foreign, registered, image, reference, options)),
+      std::move(data));
   describe_lamps(night, registered, site, reference, result);
   fill_flags(night, registered, reference, options, result);
   Observation& observation = result.observation;

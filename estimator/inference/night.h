@@ -19,6 +19,11 @@ struct NightOptions {
   int few_lights = 3;           // fewer lamps than this set the flag
   double gain_drift_ln = 0.25;  // flag beyond this
   double poor_chi2 = 6.0;       // mean squared residual of a ring in σ², flag beyond this
+  // Lights of one frame alone, whose halos lie over the rings: this many, the brightest, at a distance that
+  // is a guess; their light is known by what is seen of it, less well where it is saturated.
+  int max_guests = 6;
+  double guest_distance_m = 250, guest_distance_ln_sigma = 0.7;
+  double guest_strength_ln_sigma = 2, guest_saturated_ln_sigma = 1;
   double q_known_ratio = 0.75;  // q is given if its posterior σ is below this part of its prior's
 };
 

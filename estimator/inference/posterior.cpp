@@ -9,6 +9,7 @@ namespace {
 
 constexpr double kTwoSided95 = 1.92;  // −Δ ln p at 1.96 σ
 constexpr double kOneSided95 = 1.353;
+constexpr double kOneSidedShare = 0.95;
 constexpr double kOneSigma = 0.5;
 
 // Where −ln p rises for good by `rise` above its least on one side (step +1 or −1), beyond any rival mode;
@@ -26,6 +27,30 @@ std::optional<double> crossing(std::span<const PosteriorPoint> p, size_t best, i
     }
     outer = inner;
   }
+}
+
+// Where 95 % of the probability lies before, going with step +1 or −1. A rival mode that the rise alone steps
+// over still counts for what it weighs.
+double quantile(std::span<const PosteriorPoint> p, size_t best, int step, double scale) {
+  const auto weight = [&](size_t i) {
+    return std::exp(-(p[i].minus_ln_probability - p[best].minus_ln_probability) * scale);
+  };
+  const auto between = [&](size_t i) {  // of points i and i + 1
+    return 0.5 * (weight(i) + weight(i + 1)) * (p[i + 1].ln_sigma - p[i].ln_sigma);
+  };
+  double left = 0;
+  for (size_t i = 0; i + 1 < p.size(); ++i) left += between(i);
+  left *= 1 - kOneSidedShare;
+  for (size_t n = 0; n + 1 < p.size(); ++n) {
+    const size_t i = step > 0 ? p.size() - 2 - n : n;
+    if (between(i) >= left) {
+      const double f = left / std::max(between(i), 1e-300);
+      return step > 0 ? std::lerp(p[i + 1].ln_sigma, p[i].ln_sigma, f)
+                      : std::lerp(p[i].ln_sigma, p[i + 1].ln_sigma, f);
+    }
+    left -= between(i);
+  }
+  return p[best].ln_sigma;
 }
 
 }  // namespace
@@ -52,12 +77,16 @@ SigmaBounds sigma_bounds(std::span<const PosteriorPoint> p, const BoundsOptions&
     if (high) bounds.high = std::exp(*high);
     return bounds;
   }
-  // Too wide for a value. Whichever side holds better is the limit.
+  // Too wide for a value: a limit. "Below" only helps where visibility is restricted; in clear air the bound
+  // towards thinner air may well be the nearer one and says nothing ("below 230 km").
   const double to_low = low ? p[best].ln_sigma - *low : 1e9, to_high = high ? *high - p[best].ln_sigma : 1e9;
-  const bool above = to_high <= to_low;
+  const bool restricted = low && std::exp(*low) >= kMorTimesExtinction / options.restricted_mor_m;
+  const bool above = high && (to_high <= to_low || !restricted);
   bounds.limit = above ? Limit::above : Limit::below;
-  const auto edge = crossing(p, best, above ? +1 : -1, kOneSided95 / scale);
-  bounds.value = std::exp(edge.value_or(p[best].ln_sigma));
+  const int step = above ? +1 : -1;  // the more careful of the two
+  const double edge = crossing(p, best, step, kOneSided95 / scale).value_or(p[best].ln_sigma);
+  const double share = quantile(p, best, step, scale);
+  bounds.value = std::exp(above ? std::max(edge, share) : std::min(edge, share));
   (above ? bounds.high : bounds.low) = bounds.value;
   return bounds;
 }

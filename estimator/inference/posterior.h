@@ -11,7 +11,8 @@ namespace lampglow::inference {
 
 struct BoundsOptions {
   double widest_ratio = 3.0;  // a value is given while σ's upper 95 % bound over its lower is at most this
-  double inflate = 1.0;       // of the log-posterior's width, for model errors that rings share
+  double restricted_mor_m = 5000;  // a limit "below" is preferred to "above" only within this visibility
+  double inflate = 1.0;            // of the log-posterior's width, for model errors that rings share
 };
 
 struct SigmaBounds {

@@ -1,6 +1,7 @@
 #include "estimator/inference/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -82,16 +83,14 @@ double spread_density(const PointSpread& spread, double theta_rad) {
 
 Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpread& spread,
              const photometry::RingMap& map)
-    : lamps_(std::move(lamps)),
+    : scale_(camera),
+      lamps_(std::move(lamps)),
       spread_(spread),
+      ring_shapes_(std::make_shared<const std::vector<photometry::Ring>>(map.rings)),
       rings_(map.rings.size()),
       node_theta_(log_nodes(kFirstNodeRad, kLastNodeRad, kNodes)) {
-  const photometry::AngularScale scale(camera);
-  for (const SceneLamp& lamp : lamps_) {
-    solid_angle_.push_back(scale.pixel_solid_angle_sr(lamp.x_px, lamp.y_px));
-    to_lamp_.push_back(scale.direction(lamp.x_px, lamp.y_px));
-  }
-  axis_pixel_sr_ = 1.0 / (scale.focal_length_px * scale.focal_length_px);
+  for (const SceneLamp& lamp : lamps_) add_geometry(lamp);
+  axis_pixel_sr_ = 1.0 / (scale_.focal_length_px * scale_.focal_length_px);
   core_area_px_ = std::numbers::pi * map.edges_rad[1] * map.edges_rad[1] / axis_pixel_sr_;
   for (const auto& ring : map.rings) {
     owner_.push_back(ring.lamp);
@@ -101,27 +100,54 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
   }
   for (const double theta : node_theta_)
     emission_shape_.push_back(std::clamp(std::log(theta / kDegree) / std::log(4.0), 0.0, 1.5));
-  make_weights(map);
+  for (size_t r = 0; r < rings_; ++r)
+    for (size_t j = 0; j < lamps_.size(); ++j) {
+      add_weights(r, to_lamp_[j], ranges_);
+      direct_.push_back(direct_share(r, j));
+    }
   make_convolution();
-  make_direct(map);
 }
 
-void Scene::make_weights(const photometry::RingMap& map) {
-  std::vector<double> row(kNodes);
-  for (const auto& ring : map.rings)
-    for (const auto& to_lamp : to_lamp_) {
-      std::fill(row.begin(), row.end(), 0.0);
-      const double weight = ring.samples.empty() ? 0 : 1.0 / static_cast<double>(ring.samples.size());
-      for (const auto& sample : ring.samples)
-        add_weight(node_theta_, photometry::angle_rad(sample, to_lamp), weight, row);
-      size_t first = 0, last = kNodes;
-      while (first < kNodes && row[first] == 0) ++first;
-      while (last > first && row[last - 1] == 0) --last;
-      ranges_.push_back({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first),
-                         static_cast<std::uint32_t>(weights_.size())});
-      weights_.insert(weights_.end(), row.begin() + static_cast<std::ptrdiff_t>(first),
-                      row.begin() + static_cast<std::ptrdiff_t>(last));
+Scene Scene::with_guests(std::span<const SceneLamp> guests) const {
+  Scene scene = *this;
+  const size_t own = lamps_.size();
+  scene.ranges_.clear();
+  scene.direct_.clear();
+  for (const SceneLamp& guest : guests) {
+    scene.lamps_.push_back(guest);
+    scene.add_geometry(guest);
+  }
+  for (size_t r = 0; r < rings_; ++r)
+    for (size_t j = 0; j < scene.lamps_.size(); ++j) {
+      if (j < own) {
+        scene.ranges_.push_back(ranges_[r * own + j]);
+        scene.direct_.push_back(direct_[r * own + j]);
+        continue;
+      }
+      scene.add_weights(r, scene.to_lamp_[j], scene.ranges_);
+      scene.direct_.push_back(scene.direct_share(r, j));
     }
+  return scene;
+}
+
+void Scene::add_geometry(const SceneLamp& lamp) {
+  solid_angle_.push_back(scale_.pixel_solid_angle_sr(lamp.x_px, lamp.y_px));
+  to_lamp_.push_back(scale_.direction(lamp.x_px, lamp.y_px));
+}
+
+void Scene::add_weights(size_t ring, const photometry::Direction& to_lamp, std::vector<Range>& ranges) {
+  std::array<double, kNodes> row{};
+  const auto& samples = (*ring_shapes_)[ring].samples;
+  const double weight = samples.empty() ? 0 : 1.0 / static_cast<double>(samples.size());
+  for (const auto& sample : samples)
+    add_weight(node_theta_, photometry::angle_rad(sample, to_lamp), weight, row);
+  size_t first = 0, last = kNodes;
+  while (first < kNodes && row[first] == 0) ++first;
+  while (last > first && row[last - 1] == 0) --last;
+  ranges.push_back({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first),
+                    static_cast<std::uint32_t>(weights_.size())});
+  weights_.insert(weights_.end(), row.begin() + static_cast<std::ptrdiff_t>(first),
+                  row.begin() + static_cast<std::ptrdiff_t>(last));
 }
 
 // Halo (x) point spread on the nodes, flat-sky: the core leaves the halo as it is, the wings are integrated
@@ -150,20 +176,14 @@ void Scene::make_convolution() {
   }
 }
 
-void Scene::make_direct(const photometry::RingMap& map) {
-  direct_.assign(rings_ * lamps_.size(), 0.0);
-  for (size_t r = 0; r < rings_; ++r)
-    for (size_t j = 0; j < lamps_.size(); ++j) {
-      const auto& ring = map.rings[r];
-      double& value = direct_[r * lamps_.size() + j];
-      if (ring.lamp == static_cast<int>(j) && ring.theta_low_rad == 0) {
-        value = spread_.core_fraction / core_area_px_;
-        continue;
-      }
-      for (const auto& sample : ring.samples)
-        value += spread_density(spread_, photometry::plane_distance(sample, to_lamp_[j])) /
-                 static_cast<double>(ring.samples.size());
-    }
+// Part of the lamp's light that each pixel of the ring gets straight through the lens.
+double Scene::direct_share(size_t ring, size_t lamp) const {
+  if (owner_[ring] == static_cast<int>(lamp) && is_core_[ring]) return spread_.core_fraction / core_area_px_;
+  const auto& samples = (*ring_shapes_)[ring].samples;
+  double sum = 0;
+  for (const auto& sample : samples)
+    sum += spread_density(spread_, photometry::plane_distance(sample, to_lamp_[lamp]));
+  return samples.empty() ? 0 : sum / static_cast<double>(samples.size());
 }
 
 void Scene::spread_halo(std::span<const double> in, std::span<double> out) const {

@@ -56,6 +56,11 @@ struct SceneLamp {
   double ln_halo = 0, ln_halo_sigma = 0.05;
   bool catalogued = true;
   bool core_seen = true;  // false: its core was saturated in the reference, A_j is known by its glare alone
+  // Guests are lights of one frame alone (cars, lamps newly lit): they have no rings of their own, but their
+  // halos lie over the others'. Their beam, gain·A_j e^(−T_j), is what is known of them.
+  std::optional<double> ln_beam;
+  double ln_beam_sigma = 0;
+  bool guest() const { return ln_beam.has_value(); }
 };
 
 // The air and everything else that may differ from the reference, as the fit sees it.
@@ -77,6 +82,9 @@ class Scene {
  public:
   Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpread& spread,
         const photometry::RingMap& map);
+
+  // The same with guests after its own lamps. Costs a fraction of making a scene.
+  Scene with_guests(std::span<const SceneLamp> guests) const;
 
   size_t ring_count() const { return rings_; }
   const std::vector<SceneLamp>& lamps() const { return lamps_; }
@@ -102,13 +110,16 @@ class Scene {
   struct Range {
     std::uint32_t start, count, offset;
   };
-  void make_weights(const photometry::RingMap& map);
+  void add_geometry(const SceneLamp& lamp);
+  void add_weights(size_t ring, const photometry::Direction& to_lamp, std::vector<Range>& ranges);
   void make_convolution();
-  void make_direct(const photometry::RingMap& map);
+  double direct_share(size_t ring, size_t lamp) const;
   void spread_halo(std::span<const double> in, std::span<double> out) const;
 
+  photometry::AngularScale scale_;
   std::vector<SceneLamp> lamps_;
   PointSpread spread_;
+  std::shared_ptr<const std::vector<photometry::Ring>> ring_shapes_;
   size_t rings_ = 0;
   std::vector<int> owner_;
   std::vector<char> is_core_;            // the innermost ring of its lamp

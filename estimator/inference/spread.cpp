@@ -258,6 +258,23 @@ double cores_seen(const photometry::RingMap& map, const RingData& data) {
   return map.rings.empty() ? 0 : seen * static_cast<double>(per_lamp) / static_cast<double>(map.rings.size());
 }
 
+// Of ln strength. Where cores are saturated, all strengths together are as uncertain as the share of the
+// light that goes into the core; the scene's κ stands for that, so here counts what a lamp may differ by from
+// the rest.
+double strength_sigma(const Eigen::MatrixXd& covariance, const photometry::RingMap& map, const RingData& data,
+                      const SpreadLayout& at, size_t lamp) {
+  const auto per_lamp = static_cast<size_t>(map.options.rings);
+  const auto own = static_cast<Eigen::Index>(at.strength(lamp));
+  if (data.used[lamp * per_lamp]) return std::sqrt(std::max(0.0, covariance(own, own)));
+  Eigen::VectorXd contrast = Eigen::VectorXd::Zero(covariance.rows());
+  double glaring = 0;
+  for (size_t j = 0; j < at.lamps; ++j) glaring += data.used[j * per_lamp] ? 0 : 1;
+  for (size_t j = 0; j < at.lamps; ++j)
+    if (!data.used[j * per_lamp]) contrast(static_cast<Eigen::Index>(at.strength(j))) = -1 / glaring;
+  contrast(own) += 1;
+  return std::sqrt(std::max(0.0, contrast.dot(covariance * contrast)));
+}
+
 }  // namespace
 
 LearnedSpread learn_spread(const Camera& camera, const photometry::RingMap& map,
@@ -295,12 +312,9 @@ LearnedSpread learn_spread(const Camera& camera, const photometry::RingMap& map,
   Eigen::MatrixXd information = jacobian.transpose() * jacobian;
   information.diagonal().array() += 1e-9;
   const Eigen::MatrixXd covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(columns, columns));
-  const auto variance = [&](size_t c) {
-    return std::max(0.0, covariance(static_cast<Eigen::Index>(c), static_cast<Eigen::Index>(c)));
-  };
   for (size_t j = 0; j < lamps.size(); ++j) {
     learned.ln_strength.push_back(p[at.strength(j)]);
-    learned.ln_strength_sigma.push_back(std::sqrt(variance(at.strength(j))));
+    learned.ln_strength_sigma.push_back(strength_sigma(covariance, map, data, at, j));
     learned.sky.push_back(p[at.sky(j)] * data.sky_unit);
   }
   learned.spread.core_ln_sigma = learned.core_seen ? 0.03 : 0.5;

@@ -24,6 +24,9 @@ struct Camera {
   double black_level_dn = 0;
   double saturation_dn = 255;
   Response response;
+  // The lens lets through 1 + Σ_k v_k ρ^(2k), k from 1, of what it does in the middle; ρ: distance from the
+  // principal point over half the picture's diagonal. Empty: even.
+  std::vector<double> vignetting;
   std::optional<double> read_noise_dn;
   std::optional<double> gain_dn_per_electron;
 };

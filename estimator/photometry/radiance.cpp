@@ -7,6 +7,7 @@
 
 #include "estimator/photometry/overlay.h"
 #include "estimator/photometry/response.h"
+#include "estimator/photometry/vignetting.h"
 
 namespace lampglow::photometry {
 namespace {
@@ -369,7 +370,10 @@ RadianceImage to_radiance(const Bracket& bracket, const Camera& camera, const Ra
   for (int row = 0; row < camera.height_px; ++row) merger.merge_row(row, image);
   mark_overlay(overlay, image.mask);
   mark_hot_pixels(options, image);
-  if (!options.vignetting.empty()) divide_vignetting(options.vignetting, image);
+  if (!options.vignetting.empty())
+    divide_vignetting(options.vignetting, image);
+  else if (!camera.vignetting.empty())
+    divide_vignetting(vignetting_map(camera), image);
   for (size_t i = 0; i < image.mask.pixels.size(); ++i)
     if (image.mask.pixels[i] & (kSaturated | kHot | kInvalid)) image.variance.pixels[i] = kInfinity;
   return image;

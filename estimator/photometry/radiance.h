@@ -33,7 +33,8 @@ struct RadianceOptions {
   bool find_hot_pixels = true;
   // Mask black text bands at the top and bottom edge (see overlay.h).
   bool find_overlay = true;
-  // Relative transmission of the lens, 0..1, of the picture's size; empty: even. 0 marks a pixel invalid.
+  // Relative transmission of the lens, 0..1, of the picture's size; empty: the
+  // camera's own (Camera::vignetting). 0 marks a pixel invalid.
   Image<float> vignetting{};
 };
 

@@ -59,6 +59,16 @@ TEST(Combine, LimitsGiveWayToValuesThatTheyAllow) {
   EXPECT_EQ(o.limit, Limit::above);
 }
 
+TEST(Combine, ALimitOfAPoorFitUndoesNoValueThatFits) {
+  Observation limit = above(Method::glow, 8000), contrast = value(Method::contrast, 500, 0.1);
+  EXPECT_EQ(combine(limit, contrast, -4).limit, Limit::above);
+  limit.quality.set(Quality::poor_fit);
+  EXPECT_NEAR(*combine(limit, contrast, -4).mor_m(), 500, 1e-6);
+  EXPECT_TRUE(combine(limit, contrast, -4).quality.has(Quality::poor_fit));
+  contrast.quality.set(Quality::poor_fit);
+  EXPECT_EQ(combine(limit, contrast, -4).limit, Limit::above);
+}
+
 TEST(Combine, OfTwoLimitsTheTighterHolds) {
   EXPECT_NEAR(*combine(above(Method::glow, 2000), above(Method::contrast, 9000), -1).mor_m(), 9000, 1e-6);
 }

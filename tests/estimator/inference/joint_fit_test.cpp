@@ -183,27 +183,5 @@ TEST(JointFit, SameDataSameNumbers) {
   EXPECT_EQ(a.cost, b.cost);
 }
 
-TEST(Posterior, LimitWhereOneSideIsOpen) {
-  std::vector<PosteriorPoint> p;
-  for (int i = 0; i <= 20; ++i) {  // flat below ln σ = -8, a parabola above
-    const double x = -10 + 0.2 * i;
-    p.push_back({x, x < -8 ? 0.0 : (x + 8) * (x + 8) / (2 * 0.25), 0.8, 0.1});
-  }
-  const SigmaBounds bounds = sigma_bounds(p, {});
-  EXPECT_EQ(bounds.limit, Limit::above);
-  EXPECT_NEAR(std::log(bounds.value), -8 + 1.645 * 0.5, 0.05);
-  EXPECT_FALSE(bounds.low);
-}
-
-TEST(Posterior, NormalGivesItsOwnBounds) {
-  std::vector<PosteriorPoint> p;
-  for (int i = -8; i <= 8; ++i) p.push_back({-6 + 0.05 * i, 0.5 * i * i * 0.25, 0.8, 0.1});
-  const SigmaBounds bounds = sigma_bounds(p, {});
-  EXPECT_EQ(bounds.limit, Limit::none);
-  EXPECT_NEAR(std::log(*bounds.high) + 6, 1.96 * 0.1, 0.003);
-  EXPECT_NEAR(std::log(*bounds.low) + 6, -1.96 * 0.1, 0.003);
-  EXPECT_THROW(sigma_bounds({}, {}), std::invalid_argument);
-}
-
 }  // namespace
 }  // namespace lampglow::inference
