@@ -178,7 +178,7 @@ void add_probe(CLI::App& program) {
   auto options = std::make_shared<ProbeOptions>();
   command
       ->add_option("SOURCE", options->source.url,
-                   "http(s)://... (snapshot), mjpeg+http(s)://..., rtsp://..., v4l2:DEVICE, libcamera:ID, "
+                   "http(s)://... (snapshot), mjpeg+http(s)://..., rtsp://..., v4l2:DEVICE, "
                    "watch:FOLDER or archive:PATH")
       ->required();
   command->add_option("--credentials", options->source.credentials_file, "File with one line USER:PASSWORD");

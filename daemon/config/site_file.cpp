@@ -9,6 +9,7 @@
 #include "daemon/config/files.h"
 #include "daemon/config/problems.h"
 #include "daemon/errors.h"
+#include "estimator/photometry/vignetting.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -48,6 +49,32 @@ Response read_response(ConfigTable& camera, int bit_depth, const std::filesystem
   return response;
 }
 
+// A lens that lets less than a twentieth, or more than twice, through anywhere is a mistake in the numbers.
+void read_vignetting(ConfigTable& table, Camera& camera) {
+  constexpr std::size_t kMost = 4;
+  constexpr double kLeastTransmission = 0.05, kGreatestTransmission = 2;
+  constexpr int kSteps = 200;
+  const auto numbers = table.numbers("vignetting", 0);
+  if (!numbers) return;
+  if (numbers->empty() || numbers->size() > kMost) {
+    table.problem("vignetting", fmt::format("expected 1 to {} numbers, got {}", kMost, numbers->size()));
+    return;
+  }
+  camera.vignetting = *numbers;
+  if (camera.width_px <= 0 || camera.height_px <= 0) return;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double rho = photometry::farthest_rho(camera) * i / kSteps;
+    const double transmission = photometry::vignetting_at(camera, rho);
+    if (transmission >= kLeastTransmission && transmission <= kGreatestTransmission) continue;
+    table.problem(
+        "vignetting",
+        fmt::format("expected a transmission of {} to {} all over the picture, it is {:.3g} at {:.2f} of "
+                    "half the diagonal from the principal point",
+                    kLeastTransmission, kGreatestTransmission, transmission, rho));
+    return;
+  }
+}
+
 Camera read_camera(ConfigTable table, const std::filesystem::path& folder) {
   Camera camera;
   camera.width_px = static_cast<int>(table.required_integer("width_px", 1, kMaxSide_px));
@@ -64,6 +91,7 @@ Camera read_camera(ConfigTable table, const std::filesystem::path& folder) {
       camera.black_level_dn >= camera.saturation_dn)
     table.problem("black_level_dn", "expected a number below saturation_dn");
   camera.response = read_response(table, camera.bit_depth, folder);
+  read_vignetting(table, camera);
   camera.read_noise_dn = table.number("read_noise_dn", kNotNegative);
   camera.gain_dn_per_electron = table.number("gain_dn_per_electron", kPositive);
   return camera;
@@ -198,6 +226,13 @@ std::string response_text(const Response& response, const std::string& response_
   return response_file;
 }
 
+std::string format_list(std::string_view key, const std::vector<double>& numbers) {
+  std::string text = fmt::format("{} = [", key);
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    text += fmt::format("{}{:.6g}", i == 0 ? "" : i % 12 == 0 ? ",\n  " : ", ", numbers[i]);
+  return text + "]\n";
+}
+
 std::string format_camera(const Camera& camera, const std::string& response_file) {
   std::string text = "[camera]\n";
   text += fmt::format("width_px = {}\nheight_px = {}\n", camera.width_px, camera.height_px);
@@ -208,16 +243,10 @@ std::string format_camera(const Camera& camera, const std::string& response_file
   text += line("black_level_dn", camera.black_level_dn);
   text += line("saturation_dn", camera.saturation_dn);
   text += fmt::format("response = {}\n", format_text(response_text(camera.response, response_file)));
+  if (!camera.vignetting.empty()) text += format_list("vignetting", camera.vignetting);
   text += line("read_noise_dn", camera.read_noise_dn);
   text += line("gain_dn_per_electron", camera.gain_dn_per_electron);
   return text;
-}
-
-std::string format_list(std::string_view key, const std::vector<double>& numbers) {
-  std::string text = fmt::format("{} = [", key);
-  for (std::size_t i = 0; i < numbers.size(); ++i)
-    text += fmt::format("{}{:.6g}", i == 0 ? "" : i % 12 == 0 ? ",\n  " : ", ", numbers[i]);
-  return text + "]\n";
 }
 
 std::string format_night(const NightCalibration& night) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "daemon/sources/frame_source.h"
+#include "daemon/sources/source_url.h"
 
 namespace lampglow::daemon {
 
@@ -19,7 +20,6 @@ struct SourceOptions {
   // mjpeg+http(s)://HOST/stream       multipart/x-mixed-replace stream of JPEGs
   // rtsp://HOST/stream                H.264, H.265 or MJPEG over RTP over TCP
   // v4l2:/dev/v4l/by-path/...         a Video4Linux device
-  // libcamera:ID                      a libcamera camera by its id or number
   // watch:DIRECTORY                   pictures that another program puts there
   // archive:PATH                      a recorded archive (archive-format.md)
   // A user and password in it are refused: they belong into credentials_file.
@@ -39,8 +39,8 @@ struct SourceOptions {
   int max_redirects = 3;
 
   bool stay_connected = false;  // streams: keep the connection between pictures
-  std::string pixel_format;     // v4l2, libcamera: FourCC wanted, e.g. "Y12 "; empty: the best for photometry
-  int width_px = 0;             // v4l2, libcamera: size wanted; 0: the largest
+  std::string pixel_format;     // v4l2: FourCC wanted, e.g. "Y12 "; empty: the best for photometry
+  int width_px = 0;             // v4l2: size wanted; 0: the largest
   int height_px = 0;
   std::vector<ExposureSetting> bracket;      // to begin with; empty: one exposure as the camera stands
   std::optional<int> gain_step{};            // v4l2: the gain control's value; empty: its minimum
@@ -54,8 +54,5 @@ std::unique_ptr<FrameSource> open_source(const SourceOptions& options);
 
 // Now, to the millisecond.
 TimePoint utc_now();
-
-// The URL without anything that may be secret: user, password and query.
-std::string redacted_url(std::string_view url);
 
 }  // namespace lampglow::daemon

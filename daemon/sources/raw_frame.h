@@ -1,4 +1,4 @@
-// Raw frames as devices give them, to digital numbers. Pure functions of bytes: shared by V4L2 and libcamera.
+// Raw frames as devices give them, to digital numbers. Pure functions of bytes.
 #pragma once
 
 #include <cstddef>

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "daemon/sources/fault.h"
 #include "daemon/sources/v4l2_device.h"
@@ -17,6 +18,24 @@ namespace {
 constexpr int kSettleFrames = 4;
 // A stream's first frame may be torn; more than this running is a fault.
 constexpr int kMostTornFrames = 5;
+
+// A camera may accept an exposure, tell it back (uvcvideo remembers what it wrote) and yet expose as it
+// likes. Then the longest exposure of a bracket is no brighter than the shortest. Judged only where the
+// shortest shows a light and is not bright all over, and the times differ by a factor of 4 or more: there, 2
+// % more light are the least.
+bool follows_exposure(const Bracket& bracket, int bits) {
+  const Exposure &shortest = bracket.exposures.front(), &longest = bracket.exposures.back();
+  if (!shortest.exposure_s || !longest.exposure_s || *longest.exposure_s < 4 * *shortest.exposure_s)
+    return true;
+  const auto mean_dn = [](const Exposure& exposure) {
+    const auto& pixels = exposure.pixels.pixels;
+    return std::accumulate(pixels.begin(), pixels.end(), 0.0) / static_cast<double>(pixels.size());
+  };
+  const double full_dn = std::ldexp(1.0, bits) - 1;
+  const double dark_dn = mean_dn(shortest);
+  const bool shows_light = std::ranges::max(shortest.pixels.pixels) > full_dn / 4;
+  return !shows_light || dark_dn > 0.9 * full_dn || mean_dn(longest) > 1.02 * dark_dn;
+}
 
 }  // namespace
 
@@ -148,9 +167,14 @@ std::optional<Bracket> V4l2Camera::take_bracket(std::stop_token stop) {
     }
   }
   if (!options_.stay_connected) device_->stop();
-  if (!not_locked_.empty()) {
+  std::string why = not_locked_;
+  if (!follows_exposure(bracket, device_->bit_depth())) {
+    why += std::string(why.empty() ? "" : ", ") + "the pictures do not follow the exposure that was set";
+    for (Exposure& exposure : bracket.exposures) exposure.exposure_s.reset();
+  }
+  if (!why.empty()) {
     bracket.quality.set(Quality::camera_not_locked);
-    bracket.fault = "not_locked: " + not_locked_;
+    bracket.fault = "not_locked: " + why;
   }
   return bracket;
 }

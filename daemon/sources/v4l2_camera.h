@@ -18,7 +18,7 @@ class V4l2Camera : public FrameSource {
   // Exposures carry what the device read back: exposure_s where its control has a unit, and gain_db relative
   // to the locked gain (0 dB) or, with gain_db_per_step, of the sensor. A camera that would not lock gives
   // frames with camera_not_locked, `fault` says which control, and exposure_s is empty unless exposure itself
-  // is held.
+  // is held; so does one whose longest exposure is no brighter than the shortest.
   std::optional<Bracket> next(std::stop_token stop) override;
   void close() override;
   void set_bracket(const std::vector<ExposureSetting>& exposures) override { exposures_ = exposures; }

@@ -57,11 +57,6 @@ WatchFolder::WatchFolder(SourceOptions options)
       name_(options_.url),
       folder_(options_.url.substr(options_.url.find(':') + 1)) {}
 
-void WatchFolder::close() {
-  inotify_ = Descriptor();
-  newest_.clear();
-}
-
 void WatchFolder::open() {
   if (inotify_.good()) return;
   Descriptor watch(inotify_init1(IN_CLOEXEC | IN_NONBLOCK));
@@ -83,6 +78,8 @@ void WatchFolder::read_events() {
       const auto* event = reinterpret_cast<const inotify_event*>(buffer.data() + at);
       at += static_cast<ssize_t>(sizeof(inotify_event) + event->len);
       if ((event->mask & (IN_IGNORED | IN_DELETE_SELF | IN_MOVE_SELF)) != 0) {
+        inotify_ = Descriptor();
+        newest_.clear();
         fail(Fault::file_unreadable, name_, "the folder was removed or renamed");
       }
       if (event->len == 0 || !is_picture_name(event->name)) continue;
@@ -105,7 +102,7 @@ bool WatchFolder::wait(std::chrono::steady_clock::time_point deadline, std::stop
       break;
   }
   fail(Fault::no_new_file, name_,
-       fmt::format("no new picture for {:.0f} s", static_cast<double>(options_.frame_timeout.count()) / 1e3));
+       fmt::format("no new picture for {:.3g} s", static_cast<double>(options_.frame_timeout.count()) / 1e3));
 }
 
 Bracket WatchFolder::load(const std::string& file) const {

@@ -18,9 +18,9 @@ class WatchFolder : public FrameSource {
   std::string name() const override { return name_; }
 
   // The newest file that was completed since the last call; waits for one if there is none, at most
-  // frame_timeout. Its time is the file's modification time.
+  // frame_timeout. Its time is the file's modification time. The folder stays watched between calls, also
+  // after a fault (close() does nothing): a file that comes then is taken by the next call.
   std::optional<Bracket> next(std::stop_token stop) override;
-  void close() override;
   SourceInfo describe(std::stop_token stop) override;
 
  private:

@@ -1,5 +1,6 @@
 // Real Video4Linux devices of the kernel's vivid driver. Only within the virtual machine of run_vm.
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <linux/videodev2.h>
 #include <sys/ioctl.h>
@@ -168,6 +169,36 @@ TEST_F(Vivid, NoSuchDeviceNoSuchFormatBusyDevice) {
   EXPECT_EQ(fault_of(options), Fault::device_error);
 }
 
+TEST_F(Vivid, UstreamerServesItAsMjpegAndAsSnapshot) {
+  const std::string ustreamer = find_program("ustreamer");
+  if (ustreamer.empty()) GTEST_SKIP() << "ustreamer is not installed";
+  choose("OSD Text Mode", "None");
+  choose("Test Pattern", "100% Green");
+  const TempFolder folder;
+  const int port = free_port();
+  const Program server({ustreamer, "--device", kCamera, "--format", "YUYV", "--resolution", "320x180",
+                        "--host", "127.0.0.1", "--port", std::to_string(port)},
+                       folder / "log");
+  wait_for_port(port);
+  for (const char* address : {"mjpeg+http://127.0.0.1:{}/stream", "http://127.0.0.1:{}/snapshot"}) {
+    SourceOptions options;
+    options.url = fmt::format(fmt::runtime(address), port);
+    // Until its encoder runs it shows a black placeholder of 640x480.
+    Bracket bracket;
+    const bool green = eventually(20s, [&] {
+      try {
+        bracket = open_source(options)->next({}).value();
+      } catch (const SourceError&) {
+        return false;
+      }
+      return mean_of(bracket.exposures.at(0)) > 200;
+    });
+    EXPECT_TRUE(green) << address;
+    EXPECT_EQ(bracket.exposures.at(0).pixels.width_px, 320) << address;
+    EXPECT_FALSE(bracket.exposures.at(0).monochrome);
+  }
+}
+
 TEST_F(Vivid, UnpluggedAndBack) {
   std::mutex mutex;
   std::vector<CameraEvent> events;
@@ -180,11 +211,11 @@ TEST_F(Vivid, UnpluggedAndBack) {
   SourceOptions source = camera("GREY");
   source.stay_connected = true;
   CameraLoop loop(options, open_source(source), clock,
-                  {[&](SlotReport report) {
+                  {[&](const SlotReport& report) {
                      const std::scoped_lock lock(mutex);
                      good += report.fault == Fault::none;
                    },
-                   [&](CameraEvent event) {
+                   [&](const CameraEvent& event) {
                      const std::scoped_lock lock(mutex);
                      events.push_back(event);
                    }});

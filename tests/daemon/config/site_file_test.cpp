@@ -139,6 +139,20 @@ TEST(SiteFile, ResponseFileMayNotLeaveTheFolder) {
                   std::string(path) + "\"");
 }
 
+TEST(SiteFile, VignettingIsReadWrittenAndChecked) {
+  const auto with = [](const std::string& value) {
+    return changed("response = \"linear\"", "vignetting = " + value + "\nresponse = \"linear\"");
+  };
+  const Site site = parse(with("[-0.3, 0.05]"));
+  EXPECT_EQ(site.camera.vignetting, (std::vector<double>{-0.3, 0.05}));
+  EXPECT_EQ(parse(format_site(site, "")).camera.vignetting, site.camera.vignetting);
+  EXPECT_TRUE(parse(kExample).camera.vignetting.empty()) << "it may be missing";
+  EXPECT_THAT(complaint(with("[]")), testing::HasSubstr("camera.vignetting: expected 1 to 4 numbers, got 0"));
+  EXPECT_THAT(complaint(with("[-1.2]")),
+              testing::HasSubstr("camera.vignetting: expected a transmission of 0.05 to 2"));
+  EXPECT_THAT(complaint(with("\"edge.png\"")), testing::HasSubstr("camera.vignetting"));
+}
+
 TEST(SiteFile, WhatIsWrittenReadsBack) {
   const TemporaryFolder folder;
   Site site = parse(kExample);

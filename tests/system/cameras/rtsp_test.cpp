@@ -9,7 +9,7 @@
 
 #include "daemon/sources/fault.h"
 #include "daemon/sources/open_source.h"
-#include "tests/system/cameras/support.h"
+#include "tests/system/cameras/stream_servers.h"
 
 namespace lampglow::testing {
 namespace {
@@ -21,15 +21,6 @@ using ::testing::Not;
 
 constexpr int kFrames = 10;
 const std::string kRtspPassword = "p:a ss@w/r#d%41&";
-
-bool server_available() {
-  return !find_program("ffmpeg").empty() &&
-         std::system(
-             "/usr/bin/python3 -c \"import gi; gi.require_version('GstRtspServer', '1.0'); "
-             "from gi.repository import Gst; Gst.init(None); "
-             "assert Gst.ElementFactory.find('rtph265pay') and Gst.ElementFactory.find('qtdemux')\" "
-             ">/dev/null 2>&1") == 0;
-}
 
 struct Tried {
   Fault fault = Fault::none;
@@ -54,29 +45,20 @@ Tried try_once(FrameSource& source, std::stop_token stop = {}) {
 class RtspCameraTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!server_available())
+    if (!rtsp_available())
       GTEST_SKIP() << "gst-rtsp-server (gir1.2-gst-rtsp-server-1.0) or ffmpeg is not installed";
   }
 
   // Ten frames of the night, again and again for half a minute, a key frame every second.
   void record(const std::string& encoder) {
     for (int i = 0; i < kFrames; ++i) write_bytes(folder_ / fmt::format("{}.png", i), png_of(night(i), 8));
-    const std::string command = fmt::format(
-        "{} -loglevel error -stream_loop 15 -framerate 5 -i {}/%d.png -vf scale=out_range=full -pix_fmt "
-        "yuvj420p "
-        "-color_range pc {} -bf 0 -y {} >> {} 2>&1",
-        find_program("ffmpeg"), folder_.path().string(), encoder, movie().string(),
-        (folder_ / "ffmpeg.log").string());
-    ASSERT_EQ(std::system(command.c_str()), 0) << command;
+    record_movie((folder_ / "%d.png").string(), encoder, 5, 15, movie());
   }
   fs::path movie() const { return folder_ / "night.mp4"; }
   void serve(const std::string& codec, bool with_password = false) {
-    std::vector<std::string> command{"/usr/bin/python3",
-                                     LAMPGLOW_SOURCE_DIR "/tests/system/cameras/rtsp_server.py",
-                                     std::to_string(port_), movie().string(), codec};
-    if (with_password) command.insert(command.end(), {"admin", kRtspPassword});
-    server_ = std::make_unique<Program>(command, folder_ / "rtsp.log");
-    wait_for_port(port_);
+    using Account = std::vector<std::string>;
+    server_ = std::make_unique<RtspServer>(folder_.path(), movie(), codec, port_,
+                                           with_password ? Account{"admin", kRtspPassword} : Account{});
   }
   SourceOptions options(int port) const {
     SourceOptions options;
@@ -107,7 +89,7 @@ class RtspCameraTest : public ::testing::Test {
 
   TempFolder folder_;
   int port_ = free_port();
-  std::unique_ptr<Program> server_;
+  std::unique_ptr<RtspServer> server_;
 };
 
 TEST_F(RtspCameraTest, LosslessH264ArrivesBitForBit) {
