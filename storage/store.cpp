@@ -295,12 +295,11 @@ int Store::pending_frames() const {
   return impl_->pending;
 }
 
-void Store::checkpoint() {
-  guarded(impl_->file, [&] {
+bool Store::checkpoint() {
+  return guarded(impl_->file, [&] {
     impl_->commit();
     SQLite::Statement pragma(impl_->database, "PRAGMA wal_checkpoint(TRUNCATE)");
-    while (pragma.executeStep()) {
-    }
+    return pragma.executeStep() && pragma.getColumn(0).getInt() == 0;  // 1: it was held up
   });
 }
 

@@ -53,8 +53,8 @@ class Store {
   int pending_frames() const;
 
   // Moves the WAL into the database and truncates it, with a sync: what a power cut can lose is what came
-  // after.
-  void checkpoint();
+  // after. False: a reader held it up, and it is to be tried again.
+  bool checkpoint();
 
   // Drops up to `max_rows` of the oldest rows before `before` (of each camera); returns how many went.
   int drop_before(Kept what, TimePoint before, int max_rows);

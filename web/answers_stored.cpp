@@ -44,11 +44,19 @@ std::string format_of(const Call& call) {
   return call.query.one_of("format", kFormats);
 }
 
+// An hour past now, so that the newest row and its means are in the half-open range. Asked for nothing at
+// all, a camera that ended long ago (an archive) shows its last day, not an empty one.
+TimePoint default_end(const Call& call, const CameraRecord& camera) {
+  const TimePoint now = call.live.now();
+  const auto span = call.query.time("from") ? std::nullopt : reader_of(call).span(camera.number);
+  return std::chrono::hours(1) + (span ? std::min(now, span->second) : now);
+}
+
 storage::ObservationQuery query_of(const Call& call, const CameraRecord& camera) {
   storage::ObservationQuery query;
   query.camera = camera.number;
-  // The range is half open; the default's end is one past now, so that the newest row is in it.
-  query.to = call.query.time("to").value_or(call.live.now() + std::chrono::hours(1));
+  const auto to = call.query.time("to");
+  query.to = to ? *to : default_end(call, camera);
   query.from = call.query.time("from").value_or(query.to - std::chrono::hours(25));
   if (query.from >= query.to) throw BadRequest("from: expected a time before to");
   query.period_s = period_of(call);

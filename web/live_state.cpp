@@ -99,7 +99,9 @@ struct LiveState::Impl {
     CurrentParts parts{&camera.record, &row, &minute, &ten, camera.hour.trend(), camera.health};
     camera.fresh = current_feature(parts, false);
     camera.stale = current_feature(parts, true);
-    camera.etag = percent_encode(camera.record.name) + "/" + format_time_utc(row.observation.time_utc);
+    // The sensor's state is in the answer, too.
+    camera.etag = percent_encode(camera.record.name) + "/" + format_time_utc(row.observation.time_utc) +
+                  (camera.health.fault.empty() ? "" : "/" + camera.health.fault);
   }
 
   // False if the frame is older than what is current (a late one): it does not become current.
@@ -266,7 +268,10 @@ std::optional<CurrentAnswer> LiveState::current(const std::string& name) const {
   answer.body += std::to_string(static_cast<std::int64_t>(age_s));
   answer.body += halves.tail;
   answer.etag = "W/\"" + camera->etag + (stale ? "/stale\"" : "\"");
-  const double due_s = static_cast<double>(impl_->options.frame_interval.count()) - age_s;
+  // Until the camera's own next picture, where its schedule tells.
+  const auto next = camera->health.next_due_utc;
+  const double due_s = next ? std::chrono::duration<double>(*next - impl_->options.now()).count()
+                            : static_cast<double>(impl_->options.frame_interval.count()) - age_s;
   answer.max_age_s = static_cast<int>(std::clamp(std::ceil(due_s), 1.0, 3600.0));
   return answer;
 }
@@ -298,7 +303,8 @@ std::optional<CameraHealth> LiveState::health(const std::string& name) const {
 std::vector<std::string> LiveState::faults() const {
   const std::lock_guard lock(impl_->mutex);
   std::vector<std::string> out;
-  for (const auto& [part, message] : impl_->faults) out.push_back(part + ": " + message);
+  for (const auto& [part, message] : impl_->faults)
+    out.push_back(std::string(part).append(": ").append(message));
   return out;
 }
 
@@ -351,7 +357,8 @@ std::string LiveState::metrics() const {
   MetricsInput input;
   input.version = impl_->options.version;
   for (const auto& camera : impl_->cameras) {
-    CameraMetrics entry{camera->record.name, camera->health.up, camera->counters, {}, {}};
+    CameraMetrics entry{camera->record.name, camera->health.up, camera->counters, {}, {},
+                        camera->health.tries};
     if (camera->latest) {
       const Observation& o = camera->latest->observation;
       entry.last_observation_utc = o.time_utc;

@@ -109,6 +109,13 @@ std::string prometheus_text(const MetricsInput& input) {
     text.sample("lampglow_frames_total", who + ",result=\"none\"",
                 static_cast<double>(camera.counters.without_value));
   }
+  text.family(
+      "lampglow_camera_tries_total", "counter",
+      "Tries to get a picture since the camera was opened, by what came of them; none: a good picture.");
+  for (const CameraMetrics& camera : input.cameras)
+    for (const auto& [reason, count] : camera.tries)
+      text.sample("lampglow_camera_tries_total", label("camera", camera.name) + "," + label("reason", reason),
+                  static_cast<double>(count));
   text.family("lampglow_fit_duration_seconds", "histogram", "Time from frame to observation.");
   for (const CameraMetrics& camera : input.cameras) durations(text, camera);
   text.family("lampglow_http_requests_total", "counter", "Answers by status.");

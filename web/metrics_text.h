@@ -28,7 +28,8 @@ struct CameraMetrics {
   bool up = false;
   CameraCounters counters;
   std::optional<TimePoint> last_observation_utc;
-  std::optional<Observation> fresh;  // empty: stale or none
+  std::optional<Observation> fresh;              // empty: stale or none
+  std::map<std::string, std::uint64_t> tries{};  // of the source, by the fault's name; "none": good
 };
 
 struct MetricsInput {

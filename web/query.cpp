@@ -94,7 +94,7 @@ bool Query::boolean(std::string_view name) const {
 }
 
 std::string Query::one_of(std::string_view name, std::span<const std::string_view> choices) const {
-  const std::string value = text(name);
+  std::string value = text(name);
   if (value.empty()) return std::string(choices.front());
   if (std::find(choices.begin(), choices.end(), value) == choices.end())
     throw BadRequest(std::string(name) + ": expected one of " + quoted_list(choices) + ", got " + value);

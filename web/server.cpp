@@ -1,5 +1,6 @@
 #include "web/server.h"
 
+#include <array>
 #include <boost/asio.hpp>
 #include <boost/asio/ssl.hpp>
 #include <boost/beast/core.hpp>
@@ -11,6 +12,7 @@
 #include <thread>
 
 #include "web/reader_pool.h"
+#include "web/wire.h"
 
 namespace lampglow::web {
 namespace {
@@ -26,50 +28,6 @@ constexpr int kMissedObservations = 2000;
 
 using PlainStream = beast::tcp_stream;
 using TlsStream = beast::ssl_stream<beast::tcp_stream>;
-using RequestParser = http::request_parser<http::string_body>;
-using WireResponse = http::response<http::span_body<const char>>;
-
-std::string field(const http::request<http::string_body>& request, http::field name) {
-  return std::string(request[name]);
-}
-
-Request to_request(const http::request<http::string_body>& wire) {
-  Request request;
-  request.method = std::string(wire.method_string());
-  request.target = std::string(wire.target());
-  request.if_none_match = field(wire, http::field::if_none_match);
-  request.accept = field(wire, http::field::accept);
-  request.authorization = field(wire, http::field::authorization);
-  request.last_event_id = std::string(wire["Last-Event-ID"]);
-  return request;
-}
-
-WireResponse to_wire(const Response& response, unsigned version, bool keep_alive, bool head_only) {
-  WireResponse wire{http::int_to_status(static_cast<unsigned>(response.status)), version};
-  wire.set("Server", "lampglow");
-  if (!response.content_type.empty()) wire.set(http::field::content_type, response.content_type);
-  for (const auto& [name, value] : response.headers) wire.insert(name, value);
-  wire.set("X-Content-Type-Options", "nosniff");
-  wire.set("X-Frame-Options", "DENY");
-  wire.set("Referrer-Policy", "no-referrer");
-  wire.set("Cross-Origin-Resource-Policy", "same-origin");
-  wire.keep_alive(keep_alive);
-  const std::string_view content = response.content();
-  if (response.status != 304) wire.content_length(content.size());
-  if (!head_only && response.status != 304) wire.body() = {content.data(), content.size()};
-  return wire;
-}
-
-// What to answer where Beast could not read a request; 0: nothing, the client is gone.
-int status_of(const error_code& error) {
-  if (error == http::error::header_limit || error == http::error::buffer_overflow) return 431;
-  if (error == http::error::body_limit) return 413;
-  if (error == beast::error::timeout) return 0;
-  return error.category() == http::make_error_code(http::error::bad_method).category() &&
-                 error != http::error::end_of_stream && error != http::error::partial_message
-             ? 400
-             : 0;
-}
 
 asio::ssl::context tls_context(const ServerOptions& options) {
   asio::ssl::context context(asio::ssl::context::tls_server);
@@ -141,11 +99,11 @@ struct Server::Impl {
   template <typename Stream>
   asio::awaitable<void> serve(Stream& stream);
   template <typename Stream>
-  asio::awaitable<bool> answer(Stream& stream, const http::request<http::string_body>& wire);
+  asio::awaitable<bool> answer(Stream& stream, const WireRequest& wire);
   template <typename Stream>
   asio::awaitable<void> refuse(Stream& stream, int status);
   template <typename Stream>
-  asio::awaitable<void> follow(Stream& stream, const Request& request, WireResponse& head);
+  asio::awaitable<void> follow(Stream& stream, const Request& request, const std::string& head);
   asio::awaitable<Response> from_database(const Request& request);
   asio::awaitable<std::string> first_messages(const Request& request, std::uint64_t& sequence);
 
@@ -208,8 +166,7 @@ asio::awaitable<void> Server::Impl::serve(Stream& stream) {
   beast::flat_buffer buffer(static_cast<size_t>(options.max_header_bytes + options.max_body_bytes));
   for (bool first = true;; first = false) {
     RequestParser parser;
-    parser.header_limit(static_cast<std::uint32_t>(options.max_header_bytes));
-    parser.body_limit(static_cast<std::uint64_t>(options.max_body_bytes));
+    limit(parser, options.max_header_bytes, options.max_body_bytes);
     auto& lowest = beast::get_lowest_layer(stream);
     if (!first && buffer.size() == 0) {
       // Waiting between requests is no sin; being slow within one is.
@@ -235,9 +192,9 @@ template <typename Stream>
 asio::awaitable<void> Server::Impl::refuse(Stream& stream, int status) {
   live.count_request(status);
   const Response response = problem(status, "the request could not be read");
-  WireResponse wire = to_wire(response, 11, false, false);
+  const std::string text = head_of(response, 11, false) + response.body;
   beast::get_lowest_layer(stream).expires_after(options.write_timeout);
-  co_await http::async_write(stream, wire, kNoThrow);
+  co_await asio::async_write(stream, asio::buffer(text), kNoThrow);
 }
 
 asio::awaitable<Response> Server::Impl::from_database(const Request& request) {
@@ -256,7 +213,7 @@ asio::awaitable<Response> Server::Impl::from_database(const Request& request) {
 
 // False: close the connection.
 template <typename Stream>
-asio::awaitable<bool> Server::Impl::answer(Stream& stream, const http::request<http::string_body>& wire) {
+asio::awaitable<bool> Server::Impl::answer(Stream& stream, const WireRequest& wire) {
   const Request request = to_request(wire);
   const Route::Kind kind = api.kind(request);
   Response response;
@@ -267,14 +224,16 @@ asio::awaitable<bool> Server::Impl::answer(Stream& stream, const http::request<h
   live.count_request(response.status);
   const bool streaming = kind == Route::Kind::stream && response.status == 200;
   const bool keep_alive = wire.keep_alive() && !streaming;
-  WireResponse head = to_wire(response, wire.version(), keep_alive, wire.method() == http::verb::head);
+  const std::string head = head_of(response, wire.version(), keep_alive, !streaming);
   beast::get_lowest_layer(stream).expires_after(options.write_timeout);
   if (streaming) {
-    head.erase(http::field::content_length);
     co_await follow(stream, request, head);
     co_return false;
   }
-  const auto [error, count] = co_await http::async_write(stream, head, kNoThrow);
+  const bool head_only = wire.method() == http::verb::head || response.status == 304;
+  const std::string_view body = head_only ? std::string_view() : response.content();
+  const std::array<asio::const_buffer, 2> parts{asio::buffer(head), asio::buffer(body)};
+  const auto [error, count] = co_await asio::async_write(stream, parts, kNoThrow);
   co_return !error && keep_alive;
 }
 
@@ -307,9 +266,8 @@ asio::awaitable<std::string> Server::Impl::first_messages(const Request& request
 }
 
 template <typename Stream>
-asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& request, WireResponse& head) {
-  http::response_serializer<http::span_body<const char>, http::fields> serializer(head);
-  if (const auto [error, count] = co_await http::async_write_header(stream, serializer, kNoThrow); error)
+asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& request, const std::string& head) {
+  if (const auto [error, count] = co_await asio::async_write(stream, asio::buffer(head), kNoThrow); error)
     co_return;
   std::uint64_t sequence = 0;
   std::string text = co_await first_messages(request, sequence);

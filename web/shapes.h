@@ -2,6 +2,8 @@
 // {value, minValue, maxValue, unitCode}. Unknown is null.
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -24,6 +26,8 @@ struct CameraHealth {
   std::string message;  // for people, without secrets
   std::optional<TimePoint> last_frame_utc;
   std::optional<TimePoint> next_due_utc;
+  std::map<std::string, std::uint64_t>
+      tries{};  // of the source since the start, by the fault's name; "none": good
 };
 
 struct CurrentParts {

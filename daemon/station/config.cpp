@@ -50,6 +50,8 @@ void read_exposures(ConfigTable& table, SourceOptions& source) {
 SourceOptions read_source(ConfigTable table, const std::filesystem::path& folder) {
   SourceOptions source;
   source.url = table.required_text("url");
+  if (const std::string wrong = url_problem(source.url); !source.url.empty() && !wrong.empty())
+    table.problem("url", fmt::format("{}, got \"{}\"", wrong, redacted_url(source.url)));
   for (const std::string_view kind : {"archive:", "watch:"})
     if (source.url.starts_with(kind))
       source.url = std::string(kind) + relative_to(folder, source.url.substr(kind.size())).string();
@@ -185,8 +187,9 @@ void read_keep(std::optional<ConfigTable> table, StationConfig& config) {
   config.backup_hour_utc =
       static_cast<int>(table->integer("backup_hour_utc", 0, 23).value_or(config.backup_hour_utc));
   if (config.backups_kept == 0) config.backup_hour_utc = -1;
-  config.checkpoint_every = std::chrono::minutes(
-      table->integer("checkpoint_minutes", 1, 1440).value_or(config.checkpoint_every.count()));
+  if (const auto minutes = table->number("checkpoint_minutes", {0.1, 1440}))
+    config.checkpoint_every =
+        std::chrono::round<seconds>(std::chrono::duration<double, std::ratio<60>>(*minutes));
 }
 
 void read_pictures(std::optional<ConfigTable> table, PictureOptions& pictures) {

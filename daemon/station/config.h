@@ -46,8 +46,8 @@ struct StationConfig {
   std::vector<std::string> token_hashes;
   storage::Retention retention;
   PictureOptions pictures;
-  std::chrono::minutes checkpoint_every{10};  // what a power cut can lose
-  int backup_hour_utc = 3;                    // -1: no backups
+  std::chrono::seconds checkpoint_every{600};  // what a power cut can lose
+  int backup_hour_utc = 3;                     // -1: no backups
   int backups_kept = 7;
 
   std::filesystem::path database() const { return data_directory / "lampglow.db"; }

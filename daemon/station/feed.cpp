@@ -28,6 +28,7 @@ class LiveFeed : public Feed {
     health.message = status.message;
     health.last_frame_utc = status.last_frame_utc;
     health.next_due_utc = status.next_due_utc;
+    for (const auto& [fault, count] : status.tries) health.tries[std::string(to_string(fault))] = count;
     return health;
   }
 

@@ -26,7 +26,7 @@ constexpr storage::StoreOptions kLive{.batch_frames = 1};
 }  // namespace
 
 Keeper::Keeper(std::filesystem::path database, storage::Retention retention,
-               std::chrono::minutes checkpoint_every, KeeperCallbacks callbacks)
+               std::chrono::seconds checkpoint_every, KeeperCallbacks callbacks)
     : file_(std::move(database)),
       retention_(retention),
       checkpoint_every_(checkpoint_every),
@@ -193,8 +193,10 @@ void Keeper::tick(TimePoint utc, std::chrono::steady_clock::time_point now) {
   if (!store_ || !fault_.empty()) return;
   drain();
   if (now >= next_checkpoint_) {
-    next_checkpoint_ = now + checkpoint_every_;
-    attempt([](Store& store) { store.checkpoint(); });
+    // A reader that holds an old state for a moment leaves the rest to the next tick.
+    bool whole = false;
+    attempt([&](Store& store) { whole = store.checkpoint(); });
+    next_checkpoint_ = whole ? now + checkpoint_every_ : now;
   }
   if (now >= next_retention_) {
     int dropped = 0;

@@ -24,12 +24,13 @@ class Keeper {
  public:
   // Opens the database: one that is damaged is set aside, one that cannot be opened is tried again at every
   // tick. Throws StorageError::too_new only.
-  Keeper(std::filesystem::path database, storage::Retention retention, std::chrono::minutes checkpoint_every,
+  Keeper(std::filesystem::path database, storage::Retention retention, std::chrono::seconds checkpoint_every,
          KeeperCallbacks callbacks);
   ~Keeper();
 
   void add_camera(const std::string& name, const Site& site);
   void set_retention(const storage::Retention& retention) { retention_ = retention; }
+  void set_checkpoint_every(std::chrono::seconds period) { checkpoint_every_ = period; }
 
   // Stores the result, or keeps it in memory until the disk takes it again (the last kMostWaiting).
   void put(const std::string& camera, FrameResult result);
@@ -64,7 +65,7 @@ class Keeper {
 
   std::filesystem::path file_;
   storage::Retention retention_;
-  std::chrono::minutes checkpoint_every_;
+  std::chrono::seconds checkpoint_every_;
   KeeperCallbacks callbacks_;
   std::unique_ptr<storage::Store> store_;
   std::map<std::string, Site> sites_;

@@ -1,5 +1,8 @@
 #include "daemon/station/picture_keeper.h"
 
+#include <charconv>
+#include <set>
+
 #include "daemon/config/files.h"
 #include "daemon/errors.h"
 #include "daemon/station/log.h"
@@ -36,6 +39,27 @@ void PictureKeeper::load(const std::vector<storage::PictureRecord>& kept) {
     kept_.emplace(picture.time_utc, picture);
     bytes_ += picture.size_bytes;
     last_hour_[picture.camera] = hour_of(picture.time_utc);
+  }
+  adopt_files();
+}
+
+void PictureKeeper::adopt_files() {
+  std::set<std::filesystem::path> known;
+  for (const auto& [time, picture] : kept_) known.insert(file_of(picture));
+  std::error_code none_yet;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_, none_yet)) {
+    const std::filesystem::path& file = entry.path();
+    const std::string name = file.stem().string();
+    std::int64_t time_ms = 0;
+    const auto [end, wrong] = std::from_chars(name.data(), name.data() + name.size(), time_ms);
+    if (!entry.is_regular_file() || file.extension() != ".jpg" || wrong != std::errc{} ||
+        end != name.data() + name.size() || known.contains(file))
+      continue;
+    const TimePoint time{std::chrono::milliseconds{time_ms}};
+    const auto bytes = static_cast<std::int64_t>(entry.file_size());
+    kept_.emplace(time, storage::PictureRecord{file.parent_path().filename().string(), time,
+                                               storage::KeptFor::hourly, bytes});
+    bytes_ += bytes;
   }
 }
 

@@ -28,7 +28,8 @@ class PictureKeeper {
   PictureKeeper(std::filesystem::path folder, PictureOptions options)
       : folder_(std::move(folder)), options_(options) {}
 
-  // What earlier runs kept, oldest first, from the database.
+  // What earlier runs kept, oldest first, from the database; and the files of a database that was set aside
+  // or deleted, so that they count and go in their turn, too.
   void load(const std::vector<storage::PictureRecord>& kept);
   void set_options(const PictureOptions& options) { options_ = options; }
 
@@ -38,6 +39,7 @@ class PictureKeeper {
              Keeper& keeper);
 
  private:
+  void adopt_files();
   void drop_oldest(Keeper& keeper);
   std::filesystem::path file_of(const storage::PictureRecord& picture) const;
 

@@ -1,3 +1,4 @@
+#include <malloc.h>
 #include <signal.h>
 
 #include <ctime>
@@ -9,6 +10,16 @@
 
 namespace lampglow::daemon {
 namespace {
+
+// Between two frames a station needs next to nothing. glibc would keep what a frame needed: each thread has
+// an arena of its own, and once a large block was freed, the next ones of its size come from there. So
+// picture-sized blocks are mapped each on its own, and unmapped when freed; the rest shares two arenas. Costs
+// a page fault for 4 KiB.
+void use_little_memory() {
+  mallopt(M_MMAP_THRESHOLD, 256 << 10);
+  mallopt(M_TRIM_THRESHOLD, 256 << 10);
+  mallopt(M_ARENA_MAX, 2);
+}
 
 // The signals that the main thread waits for; blocked before any other thread is there.
 sigset_t block_signals() {
@@ -51,6 +62,7 @@ void feed_watchdog(const Station& station) {
 }  // namespace
 
 void serve(const std::filesystem::path& config_file) {
+  use_little_memory();
   open_log(LogLevel::info);
   const sigset_t signals = block_signals();
   Station station(read_station_config(config_file));

@@ -1,6 +1,7 @@
 #include "daemon/station/station.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <atomic>
 #include <map>
@@ -11,15 +12,14 @@
 
 #include "daemon/errors.h"
 #include "daemon/replay/ordered_pool.h"
-#include "daemon/sources/archive.h"
 #include "daemon/station/backups.h"
 #include "daemon/station/bounded_queue.h"
+#include "daemon/station/estimating.h"
 #include "daemon/station/feed.h"
 #include "daemon/station/keeper.h"
 #include "daemon/station/log.h"
-#include "daemon/station/picture.h"
 #include "daemon/station/picture_keeper.h"
-#include "estimator/estimate.h"
+#include "daemon/station/status_text.h"
 #include "storage/reader.h"
 #include "web/live_state.h"
 #include "web/server.h"
@@ -34,87 +34,11 @@ using storage::Event;
 using storage::EventKind;
 using storage::Severity;
 
-constexpr seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
 constexpr seconds kLongestWriterStep{60};
 constexpr seconds kLongestDrain{3};  // of the 5 s that an end may take
 
 TimePoint utc_time() {
   return std::chrono::floor<milliseconds>(std::chrono::system_clock::now());
-}
-
-// Everything that a frame's estimate depends on; replaced as a whole when the configuration changes.
-struct CameraSetup {
-  std::string name;
-  Site site;
-  std::optional<ClearReference> reference;
-  EstimatorOptions estimator;
-};
-
-struct Job {
-  std::shared_ptr<const CameraSetup> setup;
-  Bracket bracket;
-};
-
-struct Done {
-  std::shared_ptr<const CameraSetup> setup;
-  FrameResult result;
-  Pictures pictures;
-  double duration_s = 0;
-};
-
-// Since when each estimate runs, for the watchdog.
-class WorkWatch {
- public:
-  class Running {
-   public:
-    explicit Running(WorkWatch& watch) : watch_(watch) {
-      const std::scoped_lock lock(watch_.mutex_);
-      mine_ = watch_.since_.insert(steady_clock::now());
-    }
-    ~Running() {
-      const std::scoped_lock lock(watch_.mutex_);
-      watch_.since_.erase(mine_);
-    }
-    Running(const Running&) = delete;
-    Running& operator=(const Running&) = delete;
-
-   private:
-    WorkWatch& watch_;
-    std::multiset<steady_clock::time_point>::iterator mine_;
-  };
-  bool stuck(steady_clock::time_point now) const {
-    const std::scoped_lock lock(mutex_);
-    return !since_.empty() && now - *since_.begin() > kLongestEstimate;
-  }
-
- private:
-  mutable std::mutex mutex_;
-  std::multiset<steady_clock::time_point> since_;
-};
-
-std::optional<ClearReference> learn_from(const CameraConfig& camera, const EstimatorOptions& options) {
-  if (camera.reference_archive.empty()) return std::nullopt;
-  std::vector<Bracket> clear;
-  for (const ArchiveBracket& entry : read_frames_csv(camera.reference_archive))
-    if (entry.role == FrameRole::clear_reference)
-      clear.push_back(load_bracket(camera.reference_archive, entry, camera.site.camera));
-  return learn_reference(clear, camera.site, options);
-}
-
-FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup) {
-  try {
-    FrameResult result = estimate(bracket, setup.site, setup.reference, setup.estimator);
-    if (!result.observation.extinction_per_m && !bracket.fault.empty()) result.reason = bracket.fault;
-    return result;
-  } catch (const std::exception& error) {
-    log(LogLevel::error, "the estimator failed", {{"camera", setup.name}, {"reason", error.what()}});
-    FrameResult failed;
-    failed.observation.time_utc = bracket.time_utc;
-    failed.observation.quality = bracket.quality;
-    failed.observation.quality.set(Quality::internal_error);
-    failed.reason = std::string("the estimator failed: ") + error.what();
-    return failed;
-  }
 }
 
 web::LiveOptions live_options(const StationConfig& config) {
@@ -199,21 +123,18 @@ Station::Impl::Impl(const StationConfig& given)
               }) {
   for (const CameraConfig& camera : config.cameras) open_camera(camera);
   for (const CameraConfig& camera : config.cameras) restore(camera.name);
+  std::vector<storage::PictureRecord> kept;
   try {
     storage::Reader reader(config.database());
-    pictures.load(reader.pictures({}, TimePoint{}, utc_time() + std::chrono::hours(24), 1 << 30));
+    kept = reader.pictures({}, TimePoint{}, utc_time() + std::chrono::hours(24), 1 << 30);
   } catch (const storage::StorageError&) {  // the keeper has said so
   }
+  pictures.load(kept);
   server = std::make_unique<web::Server>(config.http, live, api_options(config));
 }
 
 void Station::Impl::open_camera(const CameraConfig& camera) {
-  auto setup = std::make_shared<CameraSetup>();
-  setup->name = camera.name;
-  setup->site = camera.site;
-  setup->reference = learn_from(camera, setup->estimator);
-  if (!setup->reference)
-    log(LogLevel::warning, "no clear reference: frames will say no_reference", {{"camera", camera.name}});
+  auto setup = set_up(camera);
   live.set_camera(camera.name, camera.site);
   // Once it runs, the keeper belongs to the writer's thread.
   if (writer.joinable())
@@ -284,12 +205,7 @@ void Station::Impl::work(std::stop_token stop) {
       },
       [this](Job&& job) {
         const WorkWatch::Running running(watch);
-        const auto begin = steady_clock::now();
-        Done done{job.setup, estimate_safely(job.bracket, *job.setup), {}, 0};
-        done.duration_s = std::chrono::duration<double>(steady_clock::now() - begin).count();
-        done.pictures =
-            render_pictures(job.bracket, job.setup->site, done.result, config.pictures.jpeg_quality);
-        return done;
+        return estimate_job(job, config.pictures.jpeg_quality);
       },
       [this](Done&& done) {
         auto shared = std::make_shared<Done>(std::move(done));
@@ -331,7 +247,11 @@ void Station::Impl::take(Done done) {
 void Station::Impl::write() {
   while (!writes.drained()) {
     writer_moved = steady_clock::now().time_since_epoch().count();
-    if (auto write = writes.pop({}, milliseconds(500))) (*write)();
+    if (auto write = writes.pop({}, milliseconds(500))) {
+      (*write)();
+      write.reset();
+      malloc_trim(0);  // what the frame needed and freed goes back to the system: some ms a frame
+    }
     keeper.tick(utc_time(), steady_clock::now());
     backups.tick(utc_time());
   }
@@ -386,6 +306,7 @@ void Station::Impl::close_camera(const std::string& name) {
   if (!feed) return;
   feed->request_stop();
   feed->join();
+  live.set_fault("camera " + name, "");
 }
 
 std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
@@ -408,6 +329,7 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
     }
   writes.push([this, wanted] {
     keeper.set_retention(wanted.retention);
+    keeper.set_checkpoint_every(wanted.checkpoint_every);
     pictures.set_options(wanted.pictures);
     backups.set(wanted.backups_kept, wanted.backup_hour_utc);
   });
@@ -451,25 +373,7 @@ unsigned short Station::port() const {
 }
 
 std::string Station::status_text() const {
-  std::string text;
-  for (const storage::CameraRecord& camera : impl_->live.cameras()) {
-    const auto latest = impl_->live.latest_result(camera.name);
-    const auto mor_m = latest ? latest->observation.mor_m() : std::nullopt;
-    if (!text.empty()) text += "; ";
-    text += camera.name + ": ";
-    if (!latest)
-      text += "no frame yet";
-    else if (!mor_m)
-      text += "no value (" + latest->reason.substr(0, 60) + ")";
-    else
-      text += fmt::format("{}{:.0f} m, {}",
-                          latest->observation.limit == Limit::above   ? "above "
-                          : latest->observation.limit == Limit::below ? "below "
-                                                                      : "",
-                          *mor_m, to_string(latest->observation.weather));
-  }
-  for (const std::string& fault : impl_->live.faults()) text += "; FAULT " + fault;
-  return text;
+  return daemon::status_text(impl_->live);
 }
 
 std::string Station::stuck() const {
@@ -485,7 +389,11 @@ std::string Station::stuck() const {
 
 void Station::look_after() {
   const std::scoped_lock lock(impl_->feeds_mutex);
-  for (const auto& [name, feed] : impl_->feeds) impl_->live.set_health(name, feed->health());
+  for (const auto& [name, feed] : impl_->feeds) {
+    const web::CameraHealth health = feed->health();
+    impl_->live.set_health(name, health);
+    impl_->live.set_fault("camera " + name, health.up ? "" : health.fault);
+  }
 }
 
 }  // namespace lampglow::daemon

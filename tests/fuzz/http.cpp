@@ -1,6 +1,6 @@
-// An HTTP request as it comes from the network: Beast's parser with the server's limits, then the interface
-// with a database behind it.
-#include <boost/beast/http.hpp>
+// An HTTP request as it comes from the network: read as the server reads it, answered with a database behind
+// it, and put into the form that goes back.
+#include <boost/asio/buffer.hpp>
 #include <cstdlib>
 #include <filesystem>
 
@@ -8,6 +8,7 @@
 #include "storage/store.h"
 #include "tests/storage/sample.h"
 #include "web/api.h"
+#include "web/wire.h"
 
 namespace {
 
@@ -38,21 +39,24 @@ struct Station {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static Station station;
   static const web::Api api(station.live, station.options);
-  namespace http = boost::beast::http;
-  http::request_parser<http::string_body> parser;
-  parser.header_limit(8192);
-  parser.body_limit(1024);
+  web::RequestParser parser;
+  web::limit(parser, 8192, 1024);
   parser.eager(true);
-  boost::beast::error_code error;
+  boost::system::error_code error;
   parser.put(boost::asio::buffer(data, size), error);
-  if (error || !parser.is_header_done()) return 0;
-  const auto& wire = parser.get();
-  const web::Request request{std::string(wire.method_string()),  std::string(wire.target()),
-                             std::string(wire["If-None-Match"]), std::string(wire["Accept"]),
-                             std::string(wire["Authorization"]), std::string(wire["Last-Event-ID"])};
+  if (error) {
+    const int status = web::status_of(error);
+    if (status != 0 && (status < 400 || status > 499)) std::abort();
+    return 0;
+  }
+  if (!parser.is_header_done()) return 0;
+  const web::Request request = web::to_request(parser.get());
   (void)api.kind(request);
   const web::Response response = api.answer(request, station.reader.get());
   if (response.status < 200 || response.status == 500 || response.status > 503) std::abort();
+  // The head ends where it should: no header's value brings a line of its own.
+  const std::string head = web::head_of(response, parser.get().version(), true);
+  if (head.find("\r\n\r\n") + 4 != head.size()) std::abort();
   if (const auto position = web::parse_stream_id(request.last_event_id))
     (void)web::missed_messages(station.live, *station.reader, *position, 100);
   return 0;

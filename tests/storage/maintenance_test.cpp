@@ -85,6 +85,21 @@ TEST_F(MaintenanceTest, ACheckpointWorksAtAnyMoment) {
   EXPECT_EQ(count("observation"), 1);
 }
 
+TEST_F(MaintenanceTest, ACheckpointThatAReaderHoldsUpSaysSo) {
+  Store store(file, {.busy_timeout_ms = 50});
+  fill(store, at("2026-11-01T00:00:00Z"), 10);
+  EXPECT_TRUE(store.checkpoint());
+  fill(store, at("2026-11-02T00:00:00Z"), 10);
+  store.commit();
+  {
+    SQLite::Database reader(file.string());
+    reader.exec("BEGIN");
+    EXPECT_EQ(reader.execAndGet("SELECT count(*) FROM observation").getInt(), 20);
+    EXPECT_FALSE(store.checkpoint());
+  }
+  EXPECT_TRUE(store.checkpoint());
+}
+
 TEST_F(MaintenanceTest, ADamagedPageIsFoundAndTheFileSetAsideWithAllThatIsInIt) {
   {
     Store store(file);

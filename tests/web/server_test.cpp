@@ -21,7 +21,7 @@ using testing::Not;
 
 class ServerTest : public testing::Test {
  protected:
-  void start(ServerOptions options = {}, ApiOptions api = {}) {
+  void start(ServerOptions options = {}, const ApiOptions& api = {}) {
     options.port = 0;
     live.set_camera("quay", harbour());
     server = std::make_unique<Server>(options, live, api);
@@ -70,6 +70,29 @@ TEST_F(ServerTest, AStaleObservationHasNoValues) {
   EXPECT_EQ(properties.at("weather"), "unknown");
   EXPECT_EQ(properties.at("timestamp"), "2026-11-22T01:00:30Z");
   EXPECT_EQ(properties.at("ageSeconds").as_int64(), 301);
+}
+
+TEST_F(ServerTest, AnAnswerMayBeKeptUntilItsOwnCamerasNextPicture) {
+  start();
+  live.set_camera("mole", harbour());
+  for (const char* name : {"quay", "mole"}) live.publish(name, foggy(at("2026-11-22T01:00:30Z")));
+  CameraHealth health;
+  health.up = true;
+  health.next_due_utc = at("2026-11-22T01:00:55Z");
+  live.set_health("mole", health);
+  EXPECT_TRUE(ask("/v1/current?camera=quay").has("Cache-Control: private, max-age=50"));
+  const Answer fresh = ask("/v1/current?camera=mole");
+  EXPECT_TRUE(fresh.has("Cache-Control: private, max-age=15")) << fresh.head;
+
+  // A camera that goes down is news, though the observation is the same.
+  const size_t tag = fresh.head.find("ETag: ") + 6;
+  const std::string known =
+      "If-None-Match: " + fresh.head.substr(tag, fresh.head.find("\r\n", tag) - tag) + "\r\n";
+  EXPECT_EQ(ask("/v1/current?camera=mole", known).status, 304);
+  health.up = false;
+  health.fault = "http_error";
+  live.set_health("mole", health);
+  EXPECT_EQ(ask("/v1/current?camera=mole", known).status, 200);
 }
 
 TEST_F(ServerTest, AnUnchangedAnswerIsNotSentAgain) {

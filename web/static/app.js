@@ -38,22 +38,24 @@ function showAge() {
 function showNow() {
   const c = state.current;
   if (!c) return;
+  // "Now" says nothing of what is long past; the picture, the lamps and the series say their own times.
+  const stale = isStale();
   const v = c.visibility;
-  const shown = length(isStale() ? null : v.value);
-  text("limit", v.limit === "above" ? "at least " : v.limit === "below" ? "at most " : "");
+  const shown = length(stale ? null : v.value);
+  text("limit", stale ? "" : { above: "at least ", below: "at most " }[v.limit] || "");
   text("value", shown.value);
   text("value-unit", shown.unit);
-  text("weather", c.weather);
-  text("trend", c.trend ? `· ${{ improving: "↗ improving", steady: "→ steady", worsening: "↘ worsening" }[c.trend]}` : "");
-  text("band", v.minValue === null && v.maxValue === null ? "–" : `${lengthText(v.minValue)} and ${lengthText(v.maxValue)}`);
-  const mean = c.tenMinutes && c.tenMinutes.visibility;
+  text("weather", stale ? "" : c.weather);
+  text("trend", c.trend && !stale ? `· ${{ improving: "↗ improving", steady: "→ steady", worsening: "↘ worsening" }[c.trend]}` : "");
+  text("band", stale || (v.minValue === null && v.maxValue === null) ? "–" : `${lengthText(v.minValue)} and ${lengthText(v.maxValue)}`);
+  const mean = !stale && c.tenMinutes && c.tenMinutes.visibility;
   text("mean", mean ? ({ above: "at least ", below: "at most " }[mean.limit] || "") + lengthText(mean.value) : "–");
   text("time", time(c.timestamp, true));
   text("used", String(c.lightsUsed));
   text("metar", c.rawMessage);
   text("quality", [c.reason, ...c.quality.map((flag) => flag.replaceAll("_", " "))].filter(Boolean).join("; ") || "none");
   text("station", c.station);
-  document.title = v.value === null ? "lampglow" : `${lengthText(v.value)} · ${c.station}`;
+  document.title = stale || v.value === null ? "lampglow" : `${lengthText(v.value)} · ${c.station}`;
   showAge();
 }
 
@@ -249,6 +251,7 @@ function changeSetting(name, value) {
   showSettings();
   showNow();
   series.draw();
+  if (state.selected && !$("profile-box").hidden) showProfile(state.selected);
   if (state.camera) Promise.all([loadLights(), loadHealth(), loadEvents()]).catch((error) => console.info(error.message));
 }
 

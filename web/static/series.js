@@ -18,6 +18,9 @@ function triangle(up) {
 
 const none = [null, null, null];
 
+// dygraphs' legend, which is not shown, asks for an inline style, which the page's security policy refuses: out with it.
+if (typeof Dygraph !== "undefined") Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
+
 // One row for each observation; a value, or a limit as a limit: no band, no line to it.
 function toRow(row) {
   const u = axisUnit();
@@ -60,7 +63,7 @@ export class Series {
     }
     this.element.textContent = "";
     this.graph = new Dygraph(this.element, data, {
-      labels: ["time", "value", "at least", "at most"], customBars: true, logscale: true, legend: "never",
+      labels: ["time", "value", "at least", "at most"], customBars: true, logscale: true,
       labelsUTC: settings.zone === "UTC", strokeWidth: 1.5, connectSeparatedPoints: false, fillAlpha: 0.22, gridLineColor: css("--line"),
       axisLineColor: css("--line"), colors: [css("--accent"), css("--above"), css("--below")], animatedZooms: false,
       series: {
@@ -92,7 +95,7 @@ export function drawProfile(element, profile) {
   });
   if (!rows.length || typeof Dygraph === "undefined") return null;
   return new Dygraph(element, rows, {
-    labels: profile.model ? ["angle", "measured", "fit"] : ["angle", "measured"], customBars: true, logscale: true, legend: "never",
+    labels: profile.model ? ["angle", "measured", "fit"] : ["angle", "measured"], customBars: true, logscale: true,
     gridLineColor: css("--line"), axisLineColor: css("--line"), colors: [css("--accent"), css("--below")],
     series: { measured: { drawPoints: true, pointSize: 3, strokeWidth: 0 } },
     axes: { x: { logscale: true, valueFormatter: (v) => `${v.toPrecision(2)}°`, axisLabelFormatter: (v) => `${Number(v.toPrecision(2))}°` },

@@ -154,6 +154,32 @@ TEST_F(KeeperTest, PicturesStayWithinTheirSpaceAndTheOldestGo) {
   EXPECT_EQ(files, 2);
 }
 
+TEST_F(KeeperTest, PicturesOfADatabaseThatIsGoneCountAndGoFirst) {
+  PictureOptions options;
+  options.max_bytes = 2500;
+  const auto folder_of_quay = folder.path() / "pictures" / "quay";
+  {
+    auto k = keeper();
+    PictureKeeper pictures(folder.path() / "pictures", options);
+    for (int hour = 0; hour < 2; ++hour)
+      pictures.offer("quay", start + std::chrono::hours(hour), false, std::string(1000, 'x'), *k);
+  }
+  for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + suffix);
+  std::ofstream(folder_of_quay / "note.txt") << "not ours";
+  auto k = keeper();
+  PictureKeeper pictures(folder.path() / "pictures", options);
+  pictures.load({});
+  pictures.offer("quay", start + std::chrono::hours(2), false, std::string(1000, 'x'), *k);
+  const auto file_at = [&](int hour) {
+    return folder_of_quay /
+           (std::to_string((start + std::chrono::hours(hour)).time_since_epoch().count()) + ".jpg");
+  };
+  EXPECT_FALSE(std::filesystem::exists(file_at(0)));
+  EXPECT_TRUE(std::filesystem::exists(file_at(1)));
+  EXPECT_TRUE(std::filesystem::exists(file_at(2)));
+  EXPECT_TRUE(std::filesystem::exists(folder_of_quay / "note.txt"));
+}
+
 TEST(FogWatch, BeginsBelow1000AndEndsAbove1200) {
   FogWatch watch;
   const auto note = [&](double mor_m, Limit limit = Limit::none) {

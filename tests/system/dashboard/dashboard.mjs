@@ -41,7 +41,8 @@ try {
   await until("picture", async () => page.isVisible("#picture"));
   await until("series", async () => (await page.locator("#series canvas").count()) > 0);
   assert.match(await page.textContent("#notice"), /Stale/);
-  assert.equal((await page.textContent("#value")).trim(), "–", "a stale page shows no value");
+  for (const id of ["value", "band", "mean"])
+    assert.equal((await page.textContent(`#${id}`)).trim(), "–", `a stale page shows no ${id}`);
 
   const before = await page.textContent("#time");
   await until("live update", async () => (await page.textContent("#time")) !== before);

@@ -1,11 +1,7 @@
 // `lampglow serve` as its keeper meets it: a simulated night through an archive and through a web camera,
 // asked over HTTP, reloaded, ended, and its database looked into with the program's own commands.
-#include <curl/curl.h>
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <boost/json.hpp>
@@ -14,8 +10,7 @@
 
 #include "tests/support/run_program.h"
 #include "tests/system/cameras/web_servers.h"
-
-extern char** environ;
+#include "tests/system/station/serving.h"
 
 namespace lampglow::testing {
 namespace {
@@ -29,69 +24,6 @@ namespace json = boost::json;
 
 constexpr int kFrames = 5;
 constexpr int kClearReferences = 2;
-
-struct Answer {
-  long status = 0;
-  std::string body;
-};
-
-Answer ask(int port, const std::string& path) {
-  Answer answer;
-  CURL* curl = curl_easy_init();
-  curl_easy_setopt(curl, CURLOPT_URL, ("http://127.0.0.1:" + std::to_string(port) + path).c_str());
-  curl_easy_setopt(curl, CURLOPT_TIMEOUT_MS, 3000L);
-  curl_easy_setopt(curl, CURLOPT_WRITEDATA, &answer.body);
-  curl_easy_setopt(
-      curl, CURLOPT_WRITEFUNCTION, +[](char* data, std::size_t size, std::size_t count, std::string* body) {
-        body->append(data, size * count);
-        return size * count;
-      });
-  if (curl_easy_perform(curl) == CURLE_OK) curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &answer.status);
-  curl_easy_cleanup(curl);
-  return answer;
-}
-
-// The running program; what it logs goes to a file.
-class Serving {
- public:
-  Serving(const fs::path& config, fs::path log) : log_(std::move(log)) {
-    const std::string text = config.string();
-    std::vector<char*> words;
-    for (const char* word : {LAMPGLOW_BINARY, "serve", "--config", text.c_str()})
-      words.push_back(const_cast<char*>(word));
-    words.push_back(nullptr);
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, 2, log_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
-    if (posix_spawn(&pid_, words[0], &actions, nullptr, words.data(), environ) != 0) pid_ = -1;
-    posix_spawn_file_actions_destroy(&actions);
-  }
-  ~Serving() {
-    if (pid_ > 0) {
-      signal(SIGKILL);
-      ::waitpid(pid_, nullptr, 0);
-    }
-  }
-  Serving(const Serving&) = delete;
-  Serving& operator=(const Serving&) = delete;
-
-  void signal(int number) const {
-    if (pid_ > 0) ::kill(pid_, number);
-  }
-  // The exit code; -1 if it does not end in time or is ended by a signal.
-  int wait(std::chrono::milliseconds limit) {
-    int status = 0;
-    const bool ended = eventually(limit, [&] { return ::waitpid(pid_, &status, WNOHANG) == pid_; });
-    if (!ended) return -1;
-    pid_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-  std::string log() const { return read_all(log_); }
-
- private:
-  fs::path log_;
-  pid_t pid_ = -1;
-};
 
 // One simulated night for all tests, written by the program itself.
 class Station : public ::testing::Test {
@@ -184,6 +116,9 @@ TEST_F(Station, AnArchiveIsServedAndStored) {
       "lampglow_frames_total{camera=\"quay\",result=\"value\"} " + std::to_string(kFrames + kClearReferences);
   EXPECT_TRUE(eventually(3s, [&] { return ask(port_, "/metrics").body.find(all) != std::string::npos; }));
 
+  // Who asks for nothing at all gets the last day, however old the archive is.
+  EXPECT_EQ(get("/v1/observations").at("observations").as_array().size(), kFrames + kClearReferences);
+
   EXPECT_EQ(get("/healthz").at("status").as_string(), "ok");
   const json::value current = get("/v1/current").at("properties");
   EXPECT_EQ(current.at("camera").as_string(), "quay");
@@ -218,6 +153,37 @@ TEST_F(Station, ItEndsInTimeAmidstAnArchiveAndTakesUpWithoutDoubling) {
   const std::vector<std::string> times = exported_times();
   EXPECT_EQ(times.size(), std::set<std::string>(times.begin(), times.end()).size());
   EXPECT_EQ(times.size(), kFrames + kClearReferences);
+}
+
+TEST_F(Station, TlsByOptionForThoseWhoTrustItsCertificateAndSpeakAVersionThatHolds) {
+  configure("archive:" + archive().string());
+  const fs::path certificate = folder_ / "server.pem", key = folder_ / "server.key";
+  write_certificate(certificate, key, -1, 1);
+  write_file(config_file(),
+             read_all(config_file()) + "tls_certificate = \"server.pem\"\ntls_key = \"server.key\"\n");
+  Serving station(config_file(), folder_ / "log");
+  Answer answer;
+  ASSERT_TRUE(eventually(20s,
+                         [&] {
+                           answer = ask_securely(port_, "/healthz", certificate);
+                           return answer.status == 200;
+                         }))
+      << answer.failure << station.log();
+  EXPECT_THAT(answer.body, HasSubstr("\"status\":\"ok\""));
+
+  const fs::path stranger = folder_ / "stranger.pem";
+  write_certificate(stranger, folder_ / "stranger.key", -1, 1);
+  EXPECT_THAT(ask_securely(port_, "/healthz", stranger).failure, HasSubstr("certificate"));
+  EXPECT_THAT(ask_securely(port_, "/healthz", certificate, TlsVersions::up_to_1_1).failure,
+              HasSubstr("SSL connect error"));
+  EXPECT_EQ(ask(port_, "/healthz").status, 0) << "plain HTTP got an answer";
+  end_well(station);
+
+  // A key that is not the certificate's is told with its file's name, and nothing is served.
+  fs::copy_file(folder_ / "stranger.key", key, fs::copy_options::overwrite_existing);
+  Serving wrong(config_file(), folder_ / "log2");
+  EXPECT_GT(wrong.wait(20s), 0);
+  EXPECT_THAT(wrong.log(), HasSubstr("server.key"));
 }
 
 class StationWithWebCamera : public Station {
@@ -279,9 +245,13 @@ TEST_F(StationWithWebCamera, ADeadCameraIsToldAndItsReturnToo) {
   ASSERT_TRUE(camera_is(false)) << station.log();
   EXPECT_EQ(get("/v1/current").at("properties").at("sensor").at("fault").as_string(), "http_error");
   EXPECT_THAT(ask(port_, "/metrics").body, HasSubstr("lampglow_camera_up{camera=\"quay\"} 0"));
+  EXPECT_TRUE(eventually(2s, [&] {
+    return ask(port_, "/healthz").body.find("camera quay: http_error") != std::string::npos;
+  })) << ask(port_, "/healthz").body;
   show(3);
   ASSERT_TRUE(camera_is(true)) << station.log();
   EXPECT_THAT(json::serialize(get("/v1/events")), HasSubstr("source_recovered"));
+  EXPECT_TRUE(eventually(2s, [&] { return get("/healthz").at("status").as_string() == "ok"; }));
   end_well(station);
 }
 

@@ -1,0 +1,65 @@
+// What the station's workers do: a camera's frame in, its result and pictures out.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "daemon/station/config.h"
+#include "daemon/station/picture.h"
+#include "estimator/estimate.h"
+
+namespace lampglow::daemon {
+
+// Everything that a frame's estimate depends on; replaced as a whole when the configuration changes.
+struct CameraSetup {
+  std::string name;
+  Site site;
+  std::optional<ClearReference> reference;
+  EstimatorOptions estimator;
+};
+
+struct Job {
+  std::shared_ptr<const CameraSetup> setup;
+  Bracket bracket;
+};
+
+struct Done {
+  std::shared_ptr<const CameraSetup> setup;
+  FrameResult result;
+  Pictures pictures;
+  double duration_s = 0;
+};
+
+// Since when each estimate runs, for the watchdog.
+class WorkWatch {
+ public:
+  class Running {
+   public:
+    explicit Running(WorkWatch& watch);
+    ~Running();
+    Running(const Running&) = delete;
+    Running& operator=(const Running&) = delete;
+
+   private:
+    WorkWatch& watch_;
+    std::multiset<std::chrono::steady_clock::time_point>::iterator mine_;
+  };
+  // Is one longer at it than an estimate can take (2 minutes)?
+  bool stuck(std::chrono::steady_clock::time_point now) const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::multiset<std::chrono::steady_clock::time_point> since_;
+};
+
+// From the camera's reference archive; none without one. Throws what reading it throws.
+std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera);
+
+// Never throws for what the estimator does: a failure is a result without a value that says why.
+Done estimate_job(const Job& job, int jpeg_quality);
+
+}  // namespace lampglow::daemon

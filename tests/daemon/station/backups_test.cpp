@@ -1,0 +1,88 @@
+// The nightly copies of the database.
+#include "daemon/station/backups.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <optional>
+
+#include "storage/maintenance.h"
+#include "storage/reader.h"
+#include "storage/store.h"
+#include "tests/storage/sample.h"
+#include "tests/support/temporary_folder.h"
+
+namespace lampglow::daemon {
+namespace {
+
+using namespace testing_support;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class BackupsTest : public testing::Test {
+ protected:
+  struct Told {
+    bool good = false;
+    std::string message;
+  };
+
+  void SetUp() override {
+    storage::Store store(file);
+    const auto camera = store.upsert_camera("quay", harbour());
+    for (int i = 0; i < 20; ++i)
+      store.put(camera, foggy(at("2026-11-22T00:00:00Z") + std::chrono::minutes(i)));
+    store.commit();
+  }
+
+  // What the backup of this time says; empty: none is made.
+  std::optional<Told> at_time(const char* time, int keep = 2) {
+    std::optional<Told> told;
+    {
+      Backups backups(file, copies, keep, 3, [&](bool good, const std::string& message) {
+        told = Told{good, message};
+      });
+      backups.tick(at(time));
+      backups.tick(at(time));  // a second look within the hour makes no second one
+    }                          // waits for the backup's thread
+    return told;
+  }
+
+  std::vector<std::string> names() const {
+    std::vector<std::string> found;
+    for (const auto& entry : std::filesystem::directory_iterator(copies))
+      found.push_back(entry.path().filename().string());
+    std::sort(found.begin(), found.end());
+    return found;
+  }
+
+  test::TemporaryFolder folder;
+  std::filesystem::path file = folder.path() / "lampglow.db";
+  std::filesystem::path copies = folder.path() / "backups";
+};
+
+TEST_F(BackupsTest, OneANightCheckedAndTheOldestGo) {
+  EXPECT_FALSE(at_time("2026-11-22T02:59:59Z"));
+  for (const char* time : {"2026-11-22T03:00:00Z", "2026-11-23T03:30:00Z", "2026-11-24T03:59:59Z"}) {
+    const auto told = at_time(time);
+    ASSERT_TRUE(told) << time;
+    EXPECT_TRUE(told->good) << told->message;
+  }
+  EXPECT_THAT(names(), ElementsAre("lampglow-20261123.db", "lampglow-20261124.db"));
+  EXPECT_EQ(storage::check(copies / "lampglow-20261124.db", true), "ok");
+  EXPECT_EQ(storage::Reader(copies / "lampglow-20261124.db").content(), storage::Reader(file).content());
+  EXPECT_FALSE(at_time("2026-11-24T03:10:00Z")) << "today's is there already";
+}
+
+TEST_F(BackupsTest, WhatCannotBeMadeIsTold) {
+  std::filesystem::resize_file(file, 5000);  // within its second page
+  const auto told = at_time("2026-11-22T03:00:00Z");
+  ASSERT_TRUE(told);
+  EXPECT_FALSE(told->good);
+  EXPECT_THAT(told->message, HasSubstr("the backup failed"));
+  for (const std::string& name : names())
+    EXPECT_THAT(name, HasSubstr(".part")) << "a bad copy has a good one's name";
+}
+
+}  // namespace
+}  // namespace lampglow::daemon
