@@ -67,7 +67,7 @@ bool is_system(const std::string& header) {
   if (header.find('/') == std::string::npos && header.find('.') == std::string::npos) return true;
   return starts_with_any(
       header, {"sys/", "netinet/", "arpa/", "netdb.h", "unistd.h", "fcntl.h", "poll.h", "pthread.h",
-               "signal.h", "strings.h", "dirent.h", "grp.h", "pwd.h", "termios.h"});
+               "signal.h", "strings.h", "malloc.h", "dirent.h", "grp.h", "pwd.h", "termios.h"});
 }
 
 // Why `file` (a path from the root) may not include `header`; empty if it may.

@@ -108,6 +108,19 @@ TEST(Program, ABadSiteFileExits78WithEveryMistake) {
               HasSubstr(file.string() + ":13:12: camera.response: expected \"linear\", \"srgb\" or"));
 }
 
+TEST(Program, ABadConfigurationOfTheDaemonExits78WithEveryMistake) {
+  const TemporaryFolder folder;
+  folder.write("site.toml", small_site(8));
+  const auto file = folder.write("station.toml",
+                                 "site_file = \"site.toml\"\n[source]\nurl = \"ftp://camera\"\n"
+                                 "[schedule]\nintervall_s = 60\n[http]\nport = 70000\n");
+  const ProgramRun run = run_program({"check-config", file.string()});
+  EXPECT_EQ(run.exit_code, 78);
+  EXPECT_THAT(run.err, HasSubstr(file.string() + ":3:7: source.url: expected"));
+  EXPECT_THAT(run.err, HasSubstr(file.string() + ":5:1: schedule.intervall_s: unknown key; did you mean"));
+  EXPECT_THAT(run.err, HasSubstr(file.string() + ":7:8: http.port: expected"));
+}
+
 TEST(Program, ABadArchiveExits65) {
   const TemporaryFolder folder;
   ProgramRun run = run_program({"replay", (folder.path() / "none").string()});
