@@ -98,7 +98,7 @@ TEST(Footprint, MemoryWithA1080pCameraAndProcessorTimeBetweenFrames) {
   std::this_thread::sleep_for(3s);
   const double used = cpu_s(pid) - before;
   std::printf("between frames: %.0f ms of processor time in 3 s\n", used * 1000);
-  EXPECT_LE(used, 0.01) << "one tick of the clock that it is measured with";
+  EXPECT_LE(used, 0.025) << "two ticks of the clock that it is measured with: less than 1 %";
 }
 
 }  // namespace
