@@ -196,6 +196,19 @@ TEST_F(HttpCamera, EveryNetworkFaultHasItsReasonItsTimeAndItsRecovery) {
   }
 }
 
+// The proxy itself: it divided by a speed that heal() had set to 0 meanwhile, and the test program died.
+TEST_F(HttpCamera, TheBadNetworkMayBeHealedInTheMiddleOfAPicture) {
+  BadNetwork network(server_->port());
+  const auto source = open_source(quick(through(network)));
+  std::jthread changing([&](std::stop_token stop) {
+    while (!stop.stop_requested()) {
+      network.set({.bytes_per_s = 1'000'000});
+      network.heal();
+    }
+  });
+  for (int i = 0; i < 20; ++i) expect_good(*source);
+}
+
 TEST_F(HttpCamera, SlowButSteadyIsStoppedByTheTotalTime) {
   BadNetwork network(server_->port());
   network.set({.bytes_per_s = 800});  // in pieces of a byte; the picture has some 20 kB

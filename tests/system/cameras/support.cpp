@@ -212,11 +212,13 @@ BadNetwork::~BadNetwork() {
 }
 
 void BadNetwork::set(Toxics toxics) {
-  delay_ms_ = toxics.delay_ms;
-  cut_after_bytes_ = toxics.cut_after_bytes;
-  stall_after_bytes_ = toxics.stall_after_bytes;
-  bytes_per_s_ = toxics.bytes_per_s;
-  corrupt_every_bytes_ = toxics.corrupt_every_bytes;
+  const std::scoped_lock lock(mutex_);
+  toxics_ = toxics;
+}
+
+BadNetwork::Toxics BadNetwork::toxics() const {
+  const std::scoped_lock lock(mutex_);
+  return toxics_;
 }
 
 void BadNetwork::accept_loop(std::stop_token stop) {
@@ -259,34 +261,36 @@ void BadNetwork::serve(int client, std::stop_token stop) {
 
 bool BadNetwork::forward(int client, const std::uint8_t* data, std::size_t size, long& sent,
                          std::stop_token stop) {
-  if (sent == 0 && delay_ms_ > 0) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(delay_ms_.load());
+  if (const int delay_ms = toxics().delay_ms; sent == 0 && delay_ms > 0) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(delay_ms);
     while (std::chrono::steady_clock::now() < end && !stop.stop_requested()) std::this_thread::sleep_for(5ms);
   }
-  std::size_t piece = size;
-  for (std::size_t at = 0; at < size && !stop.stop_requested(); at += piece) {
-    const bool trickle = bytes_per_s_ > 0 && sent >= 1000;
-    piece = trickle ? 1 : bytes_per_s_ > 0 ? std::min<std::size_t>(size, 1000) : size;
-    if (cut_after_bytes_ >= 0 && sent >= cut_after_bytes_) {
+  for (std::size_t at = 0; at < size && !stop.stop_requested();) {
+    const Toxics now = toxics();
+    if (now.cut_after_bytes >= 0 && sent >= now.cut_after_bytes) {
       const linger reset{1, 0};
       ::setsockopt(client, SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
       return false;
     }
-    while (stall_after_bytes_ >= 0 && sent >= stall_after_bytes_ && !stop.stop_requested()) {
+    if (now.stall_after_bytes >= 0 && sent >= now.stall_after_bytes) {
       std::this_thread::sleep_for(5ms);
+      continue;
     }
-    std::vector<std::uint8_t> bytes(data + at, data + std::min(at + piece, size));
-    if (cut_after_bytes_ >= 0)
-      bytes.resize(std::min<std::size_t>(bytes.size(), static_cast<std::size_t>(cut_after_bytes_ - sent)));
-    const long corrupt = corrupt_every_bytes_;
-    for (std::size_t i = 0; corrupt > 0 && i < bytes.size(); ++i) {
+    const bool trickle = now.bytes_per_s > 0 && sent >= 1000;
+    std::size_t piece = size - at;
+    if (now.bytes_per_s > 0) piece = std::min<std::size_t>(piece, trickle ? 1 : 1000);
+    if (now.cut_after_bytes >= 0)
+      piece = std::min(piece, static_cast<std::size_t>(now.cut_after_bytes - sent));
+    std::vector<std::uint8_t> bytes(data + at, data + at + piece);
+    for (std::size_t i = 0; now.corrupt_every_bytes > 0 && i < piece; ++i) {
       const long position = sent + static_cast<long>(i);
-      if (position > 2000 && position % corrupt == 0) bytes[i] ^= 0x55;  // the headers stay whole
+      if (position > 2000 && position % now.corrupt_every_bytes == 0)
+        bytes[i] ^= 0x55;  // the headers stay whole
     }
-    if (::send(client, bytes.data(), bytes.size(), MSG_NOSIGNAL) < 0) return false;
-    sent += static_cast<long>(bytes.size());
-    if (trickle) std::this_thread::sleep_for(1000ms / bytes_per_s_.load());
-    if (cut_after_bytes_ >= 0 && bytes.size() < piece) at -= piece - bytes.size();
+    if (::send(client, bytes.data(), piece, MSG_NOSIGNAL) < 0) return false;
+    at += piece;
+    sent += static_cast<long>(piece);
+    if (trickle) std::this_thread::sleep_for(1000ms / now.bytes_per_s);
   }
   return true;
 }

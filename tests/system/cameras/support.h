@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
@@ -90,13 +91,13 @@ class BadNetwork {
   void accept_loop(std::stop_token stop);
   void serve(int client, std::stop_token stop);
   bool forward(int client, const std::uint8_t* data, std::size_t size, long& sent, std::stop_token stop);
-  Toxics toxics() const;
+  Toxics toxics() const;  // all of one moment: set() is called from another thread
 
   int target_port_;
   int port_ = 0;
   int listener_ = -1;
-  std::atomic<int> delay_ms_{0}, bytes_per_s_{0}, corrupt_every_bytes_{0};
-  std::atomic<long> cut_after_bytes_{-1}, stall_after_bytes_{-1};
+  mutable std::mutex mutex_;
+  Toxics toxics_;
   struct Connection {
     std::jthread thread;
     std::shared_ptr<std::atomic<bool>> ended;
