@@ -143,7 +143,7 @@ DecodedImage decode_image(std::span<const std::uint8_t> bytes, const std::string
   DecodedImage image = check_header(*header, name, camera);
   if (!image.good()) return image;
   JpegPicture jpeg;  // owns the samples that `decoded` then shows
-  if (header->format == ImageFormat::jpeg) jpeg = decode_jpeg(bytes);
+  if (header->format == ImageFormat::jpeg) jpeg = decode_jpeg(bytes, camera.width_px, camera.height_px);
   if (!jpeg.damage.empty())
     return refuse(Quality::frame_truncated, name, "the picture's data are damaged: " + jpeg.damage);
   const cv::Mat decoded = jpeg.samples.empty() ? decode(bytes)

@@ -99,6 +99,7 @@ std::optional<ImageHeader> read_jpeg(std::span<const std::uint8_t> bytes) {
 
 // One entry of a TIFF directory: type SHORT (3) or LONG (4), one or several values.
 struct TiffEntry {
+  bool seen = false;
   std::uint32_t type = 0;
   std::uint64_t count = 0;
   std::uint64_t at = 0;  // of the first value
@@ -109,8 +110,10 @@ std::uint32_t tiff_value(Reader& in, const TiffEntry& entry, std::uint64_t index
 }
 
 struct TiffDirectory {
-  TiffEntry width, height, bits, channels, offsets, lengths;
-  bool inside = true;  // the values of every entry lie within the file
+  TiffEntry width, height, bits, channels, offsets, lengths, rows_per_strip, tile_width, tile_height;
+  // The values of every entry lie within the file, and those above are there once: of two, the decoder may
+  // take the other one.
+  bool sound = true;
 
   TiffEntry* entry(std::uint32_t tag) {
     switch (tag) {
@@ -128,6 +131,12 @@ struct TiffDirectory {
       case 279:
       case 325:
         return &lengths;
+      case 278:
+        return &rows_per_strip;
+      case 322:
+        return &tile_width;
+      case 323:
+        return &tile_height;
       default:
         return nullptr;
     }
@@ -140,11 +149,14 @@ TiffDirectory read_directory(Reader& in, std::uint64_t at) {
   const std::uint32_t entries = in.u16(at);
   for (std::uint32_t i = 0; i < entries && in.good(); ++i) {
     const std::uint64_t entry_at = at + 2 + 12 * std::uint64_t{i};
-    TiffEntry entry{in.u16(entry_at + 2), in.u32(entry_at + 4), entry_at + 8};
+    TiffEntry entry{true, in.u16(entry_at + 2), in.u32(entry_at + 4), entry_at + 8};
     const std::uint64_t length = entry.count * (entry.type < kTypeBytes.size() ? kTypeBytes[entry.type] : 1);
     if (length > 4) entry.at = in.u32(entry_at + 8);
-    if (entry.at + length > in.size()) directory.inside = false;
-    if (TiffEntry* wanted = directory.entry(in.u16(entry_at))) *wanted = entry;
+    if (entry.at + length > in.size()) directory.sound = false;
+    TiffEntry* wanted = directory.entry(in.u16(entry_at));
+    if (wanted == nullptr) continue;
+    if (wanted->seen || (entry.type != 3 && entry.type != 4)) directory.sound = false;
+    *wanted = entry;
   }
   return directory;
 }
@@ -158,6 +170,21 @@ bool tiff_complete(Reader& in, const TiffDirectory& directory) {
     if (end > in.size()) return false;
   }
   return in.good();
+}
+
+// A decoder makes room for a whole strip or tile, whatever the picture's size: one far larger than the
+// picture is a bomb. Tiles are padded; "all rows" may be said as 2^32-1.
+bool tiff_pieces_fit(Reader& in, const TiffDirectory& directory, const ImageHeader& header) {
+  constexpr std::uint64_t kPadding_px = 1U << 20;
+  const auto value = [&in](const TiffEntry& entry) {
+    return entry.count == 0 ? 0 : std::uint64_t{tiff_value(in, entry, 0)};
+  };
+  const auto width = static_cast<std::uint64_t>(header.width_px);
+  const std::uint64_t most_px = width * static_cast<std::uint64_t>(header.height_px) + kPadding_px;
+  const std::uint64_t rows = value(directory.rows_per_strip);
+  if (rows != 0xFFFF'FFFF && rows * width > most_px) return false;
+  const std::uint64_t tile_height = value(directory.tile_height);
+  return tile_height == 0 || value(directory.tile_width) <= most_px / tile_height;
 }
 
 // TIFF 6.0, first picture of the file.
@@ -174,7 +201,7 @@ std::optional<ImageHeader> read_tiff(std::span<const std::uint8_t> bytes, bool l
                      directory.bits.count ? static_cast<int>(tiff_value(in, directory.bits, 0)) : 1,
                      directory.channels.count ? static_cast<int>(tiff_value(in, directory.channels, 0)) : 1};
   if (!in.good()) return ImageHeader{ImageFormat::tiff};
-  header.complete = directory.inside && tiff_complete(in, directory);
+  header.complete = directory.sound && tiff_pieces_fit(in, directory, header) && tiff_complete(in, directory);
   return header;
 }
 

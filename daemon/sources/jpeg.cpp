@@ -39,9 +39,11 @@ class Decompressor {
   Decompressor& operator=(const Decompressor&) = delete;
   ~Decompressor() { jpeg_destroy_decompress(&info_); }
 
-  void decode(std::span<const std::uint8_t> bytes, JpegPicture& picture) {
+  void decode(std::span<const std::uint8_t> bytes, int width_px, int height_px, JpegPicture& picture) {
     jpeg_mem_src(&info_, bytes.data(), bytes.size());
     jpeg_read_header(&info_, TRUE);
+    if (static_cast<int>(info_.image_width) != width_px || static_cast<int>(info_.image_height) != height_px)
+      throw Damage("two sizes in one picture");
     if (info_.num_components != 1 && info_.num_components != 3) throw Damage("neither mono nor colour");
     info_.out_color_space = info_.num_components == 1 ? JCS_GRAYSCALE : JCS_EXT_BGR;
     info_.dct_method = JDCT_ISLOW;
@@ -65,10 +67,10 @@ class Decompressor {
 
 }  // namespace
 
-JpegPicture decode_jpeg(std::span<const std::uint8_t> bytes) {
+JpegPicture decode_jpeg(std::span<const std::uint8_t> bytes, int width_px, int height_px) {
   JpegPicture picture;
   try {
-    Decompressor().decode(bytes, picture);
+    Decompressor().decode(bytes, width_px, height_px, picture);
   } catch (const Damage& damage) {
     picture.damage = damage.what();
   }

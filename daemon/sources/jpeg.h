@@ -17,6 +17,7 @@ struct JpegPicture {
   std::string damage;                 // the decoder's complaint; empty if all is well
 };
 
-JpegPicture decode_jpeg(std::span<const std::uint8_t> bytes);
+// A picture that is not of this size is damaged, and nothing is decoded: its header was read before.
+JpegPicture decode_jpeg(std::span<const std::uint8_t> bytes, int width_px, int height_px);
 
 }  // namespace lampglow::daemon
