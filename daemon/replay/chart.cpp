@@ -264,7 +264,9 @@ std::string profile_chart(const LampFit& lamp) {
   if (high <= 0 || theta_high <= theta_low) return "";
   const Size s{300, 210, 54, 8, 10, 30};
   const LogAxis x{theta_low / 1.05, theta_high * 1.05, s.left, s.width - s.right};
-  const LogAxis y{low / 1.2, high * 1.2, s.height - s.bottom, s.top};
+  // A factor of six at least, so that a tick is seen and noise alone does not look like a halo.
+  const double spare = std::max(1.2, std::sqrt(6 * low / high));
+  const LogAxis y{low / spare, high * spare, s.height - s.bottom, s.top};
   std::string out = open_svg(s, "Ring profile of lamp " + lamp.id) +
                     grid_y(s, y, [](double v) { return fmt::format("{:g}", v); });
   for (const double tick : x.ticks())

@@ -115,7 +115,7 @@ std::string profiles_html(const FrameResult& frame) {
                        state_colour(lamp.state), html_text(lamp.id), to_string(lamp.state),
                        lamp.distance_m ? fmt::format(", {:.0f} m", *lamp.distance_m) : ", distance unknown",
                        lamp.optical_thickness ? fmt::format(", T = {:.2f}", *lamp.optical_thickness) : "",
-                       lamp.residual_rms ? fmt::format(", residual {:.2f} σ", *lamp.residual_rms) : "");
+                       lamp.residual_rms ? fmt::format(", residual {:.2f}\u00a0σ", *lamp.residual_rms) : "");
   }
   return out.empty() ? "<p class=\"soft\">No ring profile was taken in this frame.</p>\n"
                      : "<div class=\"profiles\">\n" + out + "</div>\n";
