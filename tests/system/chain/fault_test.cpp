@@ -45,7 +45,7 @@ class FaultsOfAStation : public ::testing::Test {
     station_ = std::make_unique<ChainStation>(
         folder_ / "station", folder_ / "jpeg",
         fmt::format("url = \"http://127.0.0.1:{}/open/now.jpg\"\nconnect_timeout_s = 0.5\n"
-                    "stall_timeout_s = 0.5\nframe_timeout_s = 2",
+                    "stall_timeout_s = 1.5\nframe_timeout_s = 4",  // a byte per second is slow, no stall
                     network_->port()));
     ASSERT_TRUE(eventually(20s, [&] { return metric("none") > 0; })) << station_->log();
   }
