@@ -19,19 +19,20 @@ double sigma_of(const Observation& o) {
   return value * std::log(*o.extinction_high_per_m / *o.extinction_low_per_m) / (2 * 1.96);
 }
 
-bool is_restricted(Weather weather) {
-  return weather == Weather::fog || weather == Weather::mist || weather == Weather::haze;
+bool is_mist_or_haze(Weather weather) {
+  return weather == Weather::mist || weather == Weather::haze;
 }
 
 }  // namespace
 
 Weather Sequence::with_hysteresis(const Observation& o) const {
   if (past_.empty() || !o.extinction_per_m || o.limit == Limit::below) return o.weather;
+  if (seconds_between(past_.back().time_utc, o.time_utc) > options_.hold_s) return o.weather;
   const Weather before = past_.back().weather;
   const double mor = kMorTimesExtinction / *o.extinction_per_m;
-  if (before == Weather::fog && o.weather != Weather::fog && mor < options_.fog_mor_m * options_.clear_again)
+  if (before == Weather::fog && o.weather != Weather::rain && mor < options_.fog_mor_m * options_.clear_again)
     return Weather::fog;
-  if (is_restricted(before) && o.weather == Weather::clear &&
+  if (is_mist_or_haze(before) && o.weather == Weather::clear &&
       mor < options_.mist_mor_m * options_.clear_again)
     return before;
   return o.weather;

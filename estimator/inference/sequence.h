@@ -12,6 +12,7 @@ namespace lampglow::inference {
 
 struct SequenceOptions {
   double clear_again = 1.2;  // a class is left only this far beyond its limit (FD12P)
+  double hold_s = 1200;      // an older class is no reason to hold on to it
   double fog_mor_m = 1000, mist_mor_m = 5000;
   double history_s = 3600;
   double trend_window_s = 1200;  // last 20 minutes of the hour against the first 20

@@ -49,6 +49,16 @@ TEST(Sequence, FogIsLeftOnlyBeyondItsLimit) {
   EXPECT_EQ(sequence.add(at(3, 1250, Weather::mist)).wmo_4680, 20);  // fog in the past hour
 }
 
+TEST(Sequence, FogHoldsOnToNoClearAirToNoRainAndForTwentyMinutesOnly) {
+  for (const auto& [minute, mor, weather] :
+       {std::tuple{1, 5400.0, Weather::clear}, std::tuple{1, 1050.0, Weather::rain},
+        std::tuple{60, 1100.0, Weather::mist}}) {
+    Sequence sequence;
+    sequence.add(at(0, 400, Weather::fog));
+    EXPECT_EQ(sequence.add(at(minute, mor, weather)).weather, weather) << mor;
+  }
+}
+
 TEST(Sequence, ThinningSteadyThickening) {
   for (const auto& [last, code] : {std::pair{800.0, 32}, std::pair{410.0, 33}, std::pair{250.0, 34}}) {
     Sequence sequence;
