@@ -8,7 +8,6 @@
 namespace lampglow::inference {
 namespace {
 
-constexpr size_t kNodes = 64;
 constexpr double kFirstNodeRad = 2e-4;
 constexpr double kLastNodeRad = 1.45;
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -42,33 +41,6 @@ void add_weight(const std::vector<double>& nodes, double theta, double weight, s
   weights[at.node + 1] += weight * at.fraction * nodes[at.node + 1] / theta;
 }
 
-// G and its derivatives at the nodes. Below the table's least T single scattering is all there is, so that g
-// goes as 1/T; beyond its greatest nothing is left of the lamp and the last slope carries on to nothing.
-struct Glow {
-  std::vector<double> value, d_ln_thickness, d_q;
-};
-
-void glow_at_nodes(const HaloModel& model, double thickness, double q, std::span<const double> theta,
-                   Glow& glow) {
-  for (auto* v : {&glow.value, &glow.d_ln_thickness, &glow.d_q}) v->assign(theta.size(), 0.0);
-  const double inside = std::clamp(thickness, model.min_thickness(), model.max_thickness());
-  const double clamped_q = std::clamp(q, 0.0, model.max_q());
-  model.profile(inside, clamped_q, theta, glow.value, glow.d_ln_thickness, glow.d_q);
-  const double t2 = inside * inside;
-  const double ln_ratio = std::log(thickness / inside);
-  for (size_t n = 0; n < theta.size(); ++n) {
-    const double v = glow.value[n] * t2;
-    const double slope = 2.0 * v + t2 * glow.d_ln_thickness[n];
-    double factor = 1.0, power = v != 0 ? slope / v : 0;
-    if (thickness < inside) power = 1.0;
-    if (thickness > inside) power = std::min(power, -2.0);
-    if (ln_ratio != 0) factor = std::exp(power * ln_ratio);
-    glow.value[n] = v * factor;
-    glow.d_ln_thickness[n] = ln_ratio == 0 ? slope : power * glow.value[n];
-    glow.d_q[n] *= t2 * factor;
-  }
-}
-
 }  // namespace
 
 double spread_density(const PointSpread& spread, double theta_rad) {
@@ -88,7 +60,7 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
       spread_(spread),
       ring_shapes_(std::make_shared<const std::vector<photometry::Ring>>(map.rings)),
       rings_(map.rings.size()),
-      node_theta_(log_nodes(kFirstNodeRad, kLastNodeRad, kNodes)) {
+      node_theta_(log_nodes(kFirstNodeRad, kLastNodeRad, kSceneNodes)) {
   for (const SceneLamp& lamp : lamps_) add_geometry(lamp);
   axis_pixel_sr_ = 1.0 / (scale_.focal_length_px * scale_.focal_length_px);
   core_area_px_ = std::numbers::pi * map.edges_rad[1] * map.edges_rad[1] / axis_pixel_sr_;
@@ -136,13 +108,13 @@ void Scene::add_geometry(const SceneLamp& lamp) {
 }
 
 void Scene::add_weights(size_t ring, const photometry::Direction& to_lamp, std::vector<Range>& ranges) {
-  std::array<double, kNodes> row{};
+  std::array<double, kSceneNodes> row{};
   const auto& samples = (*ring_shapes_)[ring].samples;
   const double weight = samples.empty() ? 0 : 1.0 / static_cast<double>(samples.size());
   for (const auto& sample : samples)
     add_weight(node_theta_, photometry::angle_rad(sample, to_lamp), weight, row);
-  size_t first = 0, last = kNodes;
-  while (first < kNodes && row[first] == 0) ++first;
+  size_t first = 0, last = kSceneNodes;
+  while (first < kSceneNodes && row[first] == 0) ++first;
   while (last > first && row[last - 1] == 0) --last;
   ranges.push_back({static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first),
                     static_cast<std::uint32_t>(weights_.size())});
@@ -154,11 +126,11 @@ void Scene::add_weights(size_t ring, const photometry::Direction& to_lamp, std::
 // in polar co-ordinates round the target. The density is per pixel, so areas are counted in pixels.
 void Scene::make_convolution() {
   constexpr int kRadii = 40, kTurns = 24;
-  convolution_.assign(kNodes * kNodes, 0.0);
+  convolution_.assign(kSceneNodes * kSceneNodes, 0.0);
   const double last = spread_.theta_rad.back();
   const double ratio = std::pow(last / spread_.core_theta_rad, 1.0 / kRadii);
-  std::vector<double> row(kNodes);
-  for (size_t m = 0; m < kNodes; ++m) {
+  std::vector<double> row(kSceneNodes);
+  for (size_t m = 0; m < kSceneNodes; ++m) {
     std::fill(row.begin(), row.end(), 0.0);
     row[m] += spread_.core_fraction;
     for (int r = 0; r < kRadii; ++r) {
@@ -172,7 +144,7 @@ void Scene::make_convolution() {
         if (theta < kLastNodeRad) add_weight(node_theta_, theta, share, row);
       }
     }
-    for (size_t n = 0; n < kNodes; ++n) convolution_[n * kNodes + m] = row[n];
+    for (size_t n = 0; n < kSceneNodes; ++n) convolution_[n * kSceneNodes + m] = row[n];
   }
 }
 
@@ -186,97 +158,11 @@ double Scene::direct_share(size_t ring, size_t lamp) const {
   return samples.empty() ? 0 : sum / static_cast<double>(samples.size());
 }
 
-void Scene::spread_halo(std::span<const double> in, std::span<double> out) const {
-  std::fill(out.begin(), out.end(), 0.0);
-  for (size_t n = 0; n < kNodes; ++n) {
-    const double value = in[n];
-    const double* column = &convolution_[n * kNodes];
-    for (size_t m = 0; m < kNodes; ++m) out[m] += column[m] * value;
-  }
-}
-
 double Scene::average(size_t ring, size_t lamp, std::span<const double> at_nodes) const {
   const Range& range = ranges_[ring * lamps_.size() + lamp];
   double sum = 0;
   for (size_t n = 0; n < range.count; ++n) sum += weights_[range.offset + n] * at_nodes[range.start + n];
   return sum;
-}
-
-namespace {
-
-// One lamp's halo at the nodes after the lens, with what the Jacobian needs.
-struct LampTerms {
-  double beam = 0, thickness = 0, halo_scale = 0;
-  std::vector<double> halo, d_ln_thickness, d_q, shape;
-};
-
-}  // namespace
-
-void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span<const char> lit,
-                     double sky_unit, Output& output, bool want_jacobian) const {
-  const Layout at(lamps_.size());
-  std::vector<LampTerms> terms(lamps_.size());
-  Glow glow;
-  std::vector<double> shaped(kNodes);
-  const double gain = std::exp(p[Layout::ln_gain]), kappa = std::exp(p[Layout::ln_kappa]);
-  for (size_t j = 0; j < lamps_.size(); ++j) {
-    if (!lit[j]) continue;
-    LampTerms& term = terms[j];
-    const double strength = gain * std::exp(lamps_[j].ln_strength + p[at.ln_strength(j)]);
-    term.thickness =
-        std::exp(p[Layout::ln_sigma] + p[at.ln_distance(j)]) * lamps_[j].distance_m.value_or(1.0);
-    term.beam = strength * std::exp(-std::min(term.thickness, 700.0));
-    term.halo_scale = strength * (lamps_[j].core_seen ? 1.0 : kappa) *
-                      std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 * std::numbers::pi *
-                      solid_angle_[j];
-    glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], node_theta_, glow);
-    const auto through_lens = [&](const std::vector<double>& in, bool only_shape) {
-      for (size_t n = 0; n < kNodes; ++n)
-        shaped[n] = term.halo_scale * in[n] *
-                    (only_shape ? emission_shape_[n] : 1.0 + p[Layout::emission] * emission_shape_[n]);
-      std::vector<double> out(kNodes);
-      spread_halo(shaped, out);
-      return out;
-    };
-    term.halo = through_lens(glow.value, false);
-    if (!want_jacobian) continue;
-    term.d_ln_thickness = through_lens(glow.d_ln_thickness, false);
-    term.d_q = through_lens(glow.d_q, false);
-    term.shape = through_lens(glow.value, true);
-  }
-  const size_t columns = at.size();
-  output.model.assign(rings_, 0.0);
-  if (want_jacobian) output.jacobian.assign(rings_ * columns, 0.0);
-  for (size_t r = 0; r < rings_; ++r) {
-    const auto own = static_cast<size_t>(owner_[r]);
-    double light = 0;
-    double* row = want_jacobian ? &output.jacobian[r * columns] : nullptr;
-    for (size_t j = 0; j < lamps_.size(); ++j) {
-      if (!lit[j]) continue;
-      const LampTerms& term = terms[j];
-      const bool by_glare = !lamps_[j].core_seen;
-      const bool core = by_glare && is_core_[r] && own == j;
-      const double beam = term.beam * direct(r, j) * (core ? kappa : 1.0);
-      const double scattered = average(r, j, term.halo);
-      light += beam + scattered;
-      if (!row) continue;
-      const double d_thickness = average(r, j, term.d_ln_thickness) - term.thickness * beam;
-      row[Layout::ln_sigma] += d_thickness;
-      row[Layout::q] += average(r, j, term.d_q);
-      if (by_glare) row[Layout::ln_kappa] += scattered + (core ? beam : 0.0);
-      row[Layout::emission] += average(r, j, term.shape);
-      row[at.ln_strength(j)] = beam + scattered;
-      row[at.ln_halo(j)] = scattered;
-      row[at.ln_distance(j)] = d_thickness;
-    }
-    output.model[r] = light + sky_unit * (p[at.sky(own)] + p[Layout::slope_x] * ring_x_[r] +
-                                          p[Layout::slope_y] * ring_y_[r]);
-    if (!row) continue;
-    row[Layout::ln_gain] = light;
-    row[Layout::slope_x] = sky_unit * ring_x_[r];
-    row[Layout::slope_y] = sky_unit * ring_y_[r];
-    row[at.sky(own)] = sky_unit;
-  }
 }
 
 }  // namespace lampglow::inference

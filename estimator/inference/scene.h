@@ -77,6 +77,8 @@ struct Layout {
   size_t size() const { return common + 4 * lamps; }
 };
 
+inline constexpr size_t kSceneNodes = 64;  // angles at which a lamp's halo is known
+
 // Everything of the model that does not change from frame to frame.
 class Scene {
  public:
@@ -101,12 +103,25 @@ class Scene {
   };
   void evaluate(const HaloModel& halo, std::span<const double> parameters, std::span<const char> lit,
                 double sky_unit, Output& output, bool want_jacobian) const;
+  // The same for some rings and some parameters alone, in the order of `rings`: column_of[parameter] is its
+  // column of `columns` in the Jacobian, or −1.
+  struct Wanted {
+    std::span<const size_t> rings;
+    std::span<const int> column_of;  // empty: no Jacobian
+    size_t columns = 0;
+  };
+  void evaluate(const HaloModel& halo, std::span<const double> parameters, std::span<const char> lit,
+                double sky_unit, const Wanted& wanted, Output& output) const;
 
   // Mean over the ring of a function given at the nodes that goes as 1/θ between them (for the reference's
   // own fit).
   double average(size_t ring, size_t lamp, std::span<const double> at_nodes) const;
+  // nodes x nodes, column-major: what one source node gives to all others.
+  const std::vector<double>& convolution() const { return convolution_; }
 
  private:
+  struct LampTerms;
+  struct Row;
   struct Range {
     std::uint32_t start, count, offset;
   };
@@ -114,7 +129,10 @@ class Scene {
   void add_weights(size_t ring, const photometry::Direction& to_lamp, std::vector<Range>& ranges);
   void make_convolution();
   double direct_share(size_t ring, size_t lamp) const;
-  void spread_halo(std::span<const double> in, std::span<double> out) const;
+  LampTerms terms_of(size_t lamp, const HaloModel& halo, std::span<const double> parameters,
+                     bool want_jacobian) const;
+  void spread_halo(double* terms) const;
+  double add_light(size_t ring, const LampTerms& term, double kappa, Row& row) const;
 
   photometry::AngularScale scale_;
   std::vector<SceneLamp> lamps_;
@@ -130,7 +148,7 @@ class Scene {
   double axis_pixel_sr_ = 0, core_area_px_ = 0;
   std::vector<Range> ranges_;  // ring-major
   std::vector<double> weights_;
-  std::vector<double> convolution_;  // nodes x nodes, column-major: contributions of one source node together
+  std::vector<double> convolution_;  // see convolution()
   std::vector<double> direct_;
 };
 

@@ -1,0 +1,163 @@
+// What the rings read: the part of the scene that a fit evaluates again and again.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "estimator/inference/scene.h"
+
+namespace lampglow::inference {
+namespace {
+
+// G and its derivatives at the nodes. Below the table's least T single scattering is all there is, so that g
+// goes as 1/T; beyond its greatest nothing is left of the lamp and the last slope carries on to nothing.
+struct Glow {
+  std::vector<double> value, d_ln_thickness, d_q;
+};
+
+void glow_at_nodes(const HaloModel& model, double thickness, double q, std::span<const double> theta,
+                   Glow& glow) {
+  for (auto* v : {&glow.value, &glow.d_ln_thickness, &glow.d_q}) v->assign(theta.size(), 0.0);
+  const double inside = std::clamp(thickness, model.min_thickness(), model.max_thickness());
+  const double clamped_q = std::clamp(q, 0.0, model.max_q());
+  model.profile(inside, clamped_q, theta, glow.value, glow.d_ln_thickness, glow.d_q);
+  const double t2 = inside * inside;
+  const double ln_ratio = std::log(thickness / inside);
+  for (size_t n = 0; n < theta.size(); ++n) {
+    const double v = glow.value[n] * t2;
+    const double slope = 2.0 * v + t2 * glow.d_ln_thickness[n];
+    double factor = 1.0, power = v != 0 ? slope / v : 0;
+    if (thickness < inside) power = 1.0;
+    if (thickness > inside) power = std::min(power, -2.0);
+    if (ln_ratio != 0) factor = std::exp(power * ln_ratio);
+    glow.value[n] = v * factor;
+    glow.d_ln_thickness[n] = ln_ratio == 0 ? slope : power * glow.value[n];
+    glow.d_q[n] *= t2 * factor;
+  }
+}
+
+// A node's numbers, side by side: one weight then serves all four.
+enum Term : size_t { kHalo, kThickness, kQ, kShape, kTerms };
+
+}  // namespace
+
+// One lamp's light in these parameters: its beam, and at every node its halo after the lens with what the
+// Jacobian needs.
+struct Scene::LampTerms {
+  size_t lamp = 0;
+  double beam = 0, thickness = 0;
+  std::array<double, kSceneNodes * kTerms> nodes{};
+};
+
+// One ring's row of the Jacobian.
+struct Scene::Row {
+  double* values;  // null: not wanted
+  const Wanted& wanted;
+  Layout at;
+  void add(size_t parameter, double value) const {
+    if (const int column = wanted.column_of[parameter]; column >= 0) values[column] += value;
+  }
+};
+
+void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span<const char> lit,
+                     double sky_unit, Output& output, bool want_jacobian) const {
+  std::vector<size_t> rings(rings_);
+  std::iota(rings.begin(), rings.end(), size_t{0});
+  std::vector<int> columns(want_jacobian ? Layout(lamps_.size()).size() : 0);
+  std::iota(columns.begin(), columns.end(), 0);
+  evaluate(halo, p, lit, sky_unit, {rings, columns, columns.size()}, output);
+}
+
+void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span<const char> lit,
+                     double sky_unit, const Wanted& wanted, Output& output) const {
+  const bool want_jacobian = !wanted.column_of.empty();
+  std::vector<LampTerms> terms;
+  for (size_t j = 0; j < lamps_.size(); ++j)
+    if (lit[j]) terms.push_back(terms_of(j, halo, p, want_jacobian));
+  const Layout at(lamps_.size());
+  const double kappa = std::exp(p[Layout::ln_kappa]);
+  output.model.resize(wanted.rings.size());
+  output.jacobian.assign(want_jacobian ? wanted.rings.size() * wanted.columns : 0, 0.0);
+  for (size_t i = 0; i < wanted.rings.size(); ++i) {
+    const size_t r = wanted.rings[i];
+    const auto own = static_cast<size_t>(owner_[r]);
+    Row row{want_jacobian ? &output.jacobian[i * wanted.columns] : nullptr, wanted, at};
+    double light = 0;
+    for (const LampTerms& term : terms) light += add_light(r, term, kappa, row);
+    output.model[i] = light + sky_unit * (p[at.sky(own)] + p[Layout::slope_x] * ring_x_[r] +
+                                          p[Layout::slope_y] * ring_y_[r]);
+    if (!row.values) continue;
+    row.add(Layout::ln_gain, light);
+    row.add(Layout::slope_x, sky_unit * ring_x_[r]);
+    row.add(Layout::slope_y, sky_unit * ring_y_[r]);
+    row.add(at.sky(own), sky_unit);
+  }
+}
+
+Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<const double> p,
+                                 bool want_jacobian) const {
+  const Layout at(lamps_.size());
+  LampTerms term;
+  term.lamp = j;
+  const double kappa = lamps_[j].core_seen ? 1.0 : std::exp(p[Layout::ln_kappa]);
+  const double strength = std::exp(p[Layout::ln_gain]) * std::exp(lamps_[j].ln_strength + p[at.ln_strength(j)]);
+  term.thickness = std::exp(p[Layout::ln_sigma] + p[at.ln_distance(j)]) * lamps_[j].distance_m.value_or(1.0);
+  term.beam = strength * std::exp(-std::min(term.thickness, 700.0));
+  const double scale = strength * kappa * std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 *
+                       std::numbers::pi * solid_angle_[j];
+  Glow glow;
+  glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], node_theta_, glow);
+  for (size_t n = 0; n < kSceneNodes; ++n) {
+    const double shape = 1.0 + p[Layout::emission] * emission_shape_[n];
+    double* node = &term.nodes[n * kTerms];
+    node[kHalo] = scale * glow.value[n] * shape;
+    if (!want_jacobian) continue;
+    node[kThickness] = scale * glow.d_ln_thickness[n] * shape;
+    node[kQ] = scale * glow.d_q[n] * shape;
+    node[kShape] = scale * glow.value[n] * emission_shape_[n];
+  }
+  spread_halo(term.nodes.data());
+  return term;
+}
+
+// Each node's numbers become those after the lens.
+void Scene::spread_halo(double* terms) const {
+  std::array<double, kSceneNodes * kTerms> out{};
+  for (size_t n = 0; n < kSceneNodes; ++n) {
+    const double* column = &convolution_[n * kSceneNodes];
+    const double* in = &terms[n * kTerms];
+    for (size_t m = 0; m < kSceneNodes; ++m)
+      for (size_t t = 0; t < kTerms; ++t) out[m * kTerms + t] += column[m] * in[t];
+  }
+  std::copy(out.begin(), out.end(), terms);
+}
+
+// One lamp's light in one ring, and its part of the ring's row.
+double Scene::add_light(size_t r, const LampTerms& term, double kappa, Row& row) const {
+  const size_t j = term.lamp;
+  const Range& range = ranges_[r * lamps_.size() + j];
+  const double* weight = &weights_[range.offset];
+  const double* node = &term.nodes[range.start * kTerms];
+  const bool by_glare = !lamps_[j].core_seen;
+  const bool core = by_glare && is_core_[r] && owner_[r] == static_cast<int>(j);
+  const double beam = term.beam * direct(r, j) * (core ? kappa : 1.0);
+  std::array<double, kTerms> sum{};
+  if (!row.values) {
+    for (size_t n = 0; n < range.count; ++n) sum[kHalo] += weight[n] * node[n * kTerms];
+    return beam + sum[kHalo];
+  }
+  for (size_t n = 0; n < range.count; ++n)
+    for (size_t t = 0; t < kTerms; ++t) sum[t] += weight[n] * node[n * kTerms + t];
+  const double d_thickness = sum[kThickness] - term.thickness * beam;
+  row.add(Layout::ln_sigma, d_thickness);
+  row.add(Layout::q, sum[kQ]);
+  if (by_glare) row.add(Layout::ln_kappa, sum[kHalo] + (core ? beam : 0.0));
+  row.add(Layout::emission, sum[kShape]);
+  row.add(row.at.ln_strength(j), beam + sum[kHalo]);
+  row.add(row.at.ln_halo(j), sum[kHalo]);
+  row.add(row.at.ln_distance(j), d_thickness);
+  return beam + sum[kHalo];
+}
+
+}  // namespace lampglow::inference
