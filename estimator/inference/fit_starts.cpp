@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "estimator/inference/frame_cost.h"
@@ -11,42 +12,74 @@
 namespace lampglow::inference {
 namespace {
 
-// The skies that suit the given light best, lamp by lamp: they are linear.
-void settle_skies(const Scene& scene, const HaloModel& halo, const RingData& data, std::vector<double>& p) {
+// Each lamp's light in every ring at one visibility, at its usual strength: brighter or dimmer lamps are then
+// but sums of it.
+struct Lights {
+  std::vector<double> parameters;
+  std::vector<double> light;  // rings x lamps
+
+  std::vector<double> sum(double ln_gain, const std::vector<double>& ln_dimming) const {
+    std::vector<double> factor, model(light.size() / ln_dimming.size());
+    for (const double d : ln_dimming) factor.push_back(std::exp(ln_gain + d));
+    for (size_t r = 0; r < model.size(); ++r)
+      for (size_t j = 0; j < factor.size(); ++j) model[r] += factor[j] * light[r * factor.size() + j];
+    return model;
+  }
+};
+
+Lights lights_at(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
+                 double mor) {
   const Layout at(scene.lamps().size());
-  for (size_t j = 0; j < at.lamps; ++j) p[at.sky(j)] = 0;
+  Lights lights{std::vector<double>(at.size(), 0.0), {}};
+  std::vector<double>& p = lights.parameters;
+  p[Layout::ln_sigma] = std::log(kMorTimesExtinction / mor);
+  p[Layout::q] = std::min(prior_q(p[Layout::ln_sigma], options), halo.max_q());
+  p[Layout::emission] = options.emission_mean;
+  std::vector<size_t> rings(scene.ring_count());
+  std::iota(rings.begin(), rings.end(), size_t{0});
+  std::vector<int> column_of(at.size(), -1);  // d model / d ln strength is the lamp's light
+  for (size_t j = 0; j < at.lamps; ++j) column_of[at.ln_strength(j)] = static_cast<int>(j);
   Scene::Output output;
-  scene.evaluate(halo, p, data.lit, data.sky_unit, output, false);
+  scene.evaluate(halo, p, data.lit, data.sky_unit, {rings, column_of, at.lamps}, output);
+  lights.light = std::move(output.jacobian);
+  return lights;
+}
+
+// The skies that suit the given light best, lamp by lamp: they are linear. They are added to the light.
+void settle_skies(const Scene& scene, const RingData& data, std::vector<double>& p,
+                  std::vector<double>& model) {
+  const Layout at(scene.lamps().size());
   std::vector<double> sum(at.lamps, 0), weight(at.lamps, 0);
   for (size_t r = 0; r < scene.ring_count(); ++r) {
     if (!data.used[r]) continue;
     const auto lamp = static_cast<size_t>(scene.lamp_of_ring(r));
     const double w = 1.0 / (data.sigma[r] * data.sigma[r]);
-    sum[lamp] += w * (data.value[r] - output.model[r]);
+    sum[lamp] += w * (data.value[r] - model[r]);
     weight[lamp] += w;
   }
   for (size_t j = 0; j < at.lamps; ++j)
     p[at.sky(j)] = weight[j] > 0 ? std::max(0.0, sum[j] / weight[j]) / data.sky_unit : 1.0;
+  for (size_t r = 0; r < scene.ring_count(); ++r)
+    model[r] += data.sky_unit * p[at.sky(static_cast<size_t>(scene.lamp_of_ring(r)))];
 }
 
 Start start_at(const Scene& scene, const HaloModel& halo, RingData data, const FitOptions& options,
-               double mor, std::optional<double> ln_gain) {
+               const Lights& lights, std::optional<double> ln_gain) {
   const Layout at(scene.lamps().size());
-  std::vector<double> p(at.size(), 0.0);
-  p[Layout::ln_sigma] = std::log(kMorTimesExtinction / mor);
-  p[Layout::q] = std::min(prior_q(p[Layout::ln_sigma], options), halo.max_q());
-  p[Layout::emission] = options.emission_mean;
+  std::vector<double> p = lights.parameters;
   data.ln_dimming.assign(at.lamps, 0.0);
   if (!ln_gain) {
-    const Powers powers = likeliest_powers(scene, ring_ratios(scene, halo, data, p), data, options);
+    const std::vector<double> usual = lights.sum(0, data.ln_dimming);
+    const Powers powers = likeliest_powers(scene, ring_ratios(scene, data, usual), data, options);
     data.ln_dimming = powers.ln_dimming;
     ln_gain = powers.ln_gain;
   }
   p[Layout::ln_gain] = *ln_gain;
   for (size_t j = 0; j < at.lamps; ++j) p[at.ln_strength(j)] = data.ln_dimming[j];
-  settle_skies(scene, halo, data, p);
-  const double cost =
-      cost_at(scene, halo, data, options, p) + mixture_penalty(scene, data.ln_dimming, data.lit);
+  std::vector<double> model = lights.sum(*ln_gain, data.ln_dimming);
+  settle_skies(scene, data, p, model);
+  const double cost = FrameCost(scene, halo, data, options).cost_of_model(p.data(), model) +
+                      mixture_penalty(scene, data.ln_dimming, data.lit);
   return {cost, std::move(p), std::move(data.ln_dimming)};
 }
 
@@ -61,8 +94,10 @@ std::vector<Start> starts(const Scene& scene, const HaloModel& halo, const RingD
     gains = {0.0, -0.7, 0.7, -1.6, 1.6};
   if (options.ln_half != 0) gains.emplace_back(std::nullopt);
   std::vector<Start> all;
-  for (double mor = 35; mor < 60e3; mor *= 1.5)
-    for (const auto& ln_gain : gains) all.push_back(start_at(scene, halo, data, options, mor, ln_gain));
+  for (double mor = 35; mor < 60e3; mor *= 1.5) {
+    const Lights lights = lights_at(scene, halo, data, options, mor);
+    for (const auto& ln_gain : gains) all.push_back(start_at(scene, halo, data, options, lights, ln_gain));
+  }
   std::stable_sort(all.begin(), all.end(), [](const Start& a, const Start& b) { return a.cost < b.cost; });
   std::vector<Start> best;
   for (Start& s : all) {

@@ -1,7 +1,10 @@
 #include "estimator/inference/frame_cost.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
+#include <numeric>
 
 #include "estimator/observation.h"
 
@@ -9,6 +12,16 @@ namespace lampglow::inference {
 namespace {
 
 constexpr double kSkySigma = 30.0;
+
+// A residual's derivative with respect to one parameter.
+struct Slope {
+  size_t parameter;
+  double value;
+};
+
+double square(double x) {
+  return x * x;
+}
 
 // 0 in fog, 1 in clear air.
 double clearness(double ln_sigma) {
@@ -53,64 +66,135 @@ FrameCost::FrameCost(const Scene& scene, const HaloModel& halo, const RingData& 
   for (const SceneLamp& lamp : scene.lamps()) guests_ += lamp.guest() ? 1 : 0;
 }
 
+double FrameCost::ring_residual(size_t r, double model, double& slope) const {
+  const double residual = soften((model - data_.value[r]) / data_.sigma[r], options_.ring_tail, slope);
+  slope /= data_.sigma[r];
+  return residual;
+}
+
 void FrameCost::evaluate(const double* p, double* residuals, double* jacobian) const {
-  const std::span<const double> parameters(p, at_.size());
-  scene_.evaluate(halo_, parameters, data_.lit, data_.sky_unit, output_, jacobian != nullptr);
   const size_t columns = at_.size();
-  for (size_t i = 0; i < rings_.size(); ++i) {
-    const size_t r = rings_[i];
+  std::vector<int> column_of(jacobian ? columns : 0);
+  std::iota(column_of.begin(), column_of.end(), 0);
+  scene_.evaluate(halo_, {p, columns}, data_.lit, data_.sky_unit, {rings_, column_of, columns}, output_);
+  size_t row = 0;
+  for (; row < rings_.size(); ++row) {
     double slope = 0;
-    residuals[i] = soften((output_.model[r] - data_.value[r]) / data_.sigma[r], options_.ring_tail, slope);
-    if (!jacobian) continue;
-    const double scale = slope / data_.sigma[r];
-    const double* from = &output_.jacobian[r * columns];
-    double* to = jacobian + i * columns;
-    for (size_t c = 0; c < columns; ++c) to[c] = from[c] * scale;
+    residuals[row] = ring_residual(rings_[row], output_.model[row], slope);
+    for (size_t c = 0; c < column_of.size(); ++c)
+      jacobian[row * columns + c] = output_.jacobian[row * columns + c] * slope;
   }
-  priors(p, residuals, jacobian);
-  guests(p, residuals, jacobian);
+  if (jacobian) std::fill(jacobian + row * columns, jacobian + residual_count() * columns, 0.0);
+  each_prior(p, [&](double residual, std::initializer_list<Slope> slopes) {
+    residuals[row] = residual;
+    if (jacobian)
+      for (const Slope& slope : slopes) jacobian[row * columns + slope.parameter] = slope.value;
+    ++row;
+  });
+}
+
+double FrameCost::cost(const double* p) const {
+  scene_.evaluate(halo_, {p, at_.size()}, data_.lit, data_.sky_unit, {rings_, {}, 0}, output_);
+  double sum = 0, slope = 0;
+  for (size_t i = 0; i < rings_.size(); ++i) sum += square(ring_residual(rings_[i], output_.model[i], slope));
+  each_prior(p, [&](double residual, std::initializer_list<Slope>) { sum += square(residual); });
+  return sum / 2;
+}
+
+double FrameCost::cost_of_model(const double* p, std::span<const double> model) const {
+  double sum = 0, slope = 0;
+  for (const size_t r : rings_) sum += square(ring_residual(r, model[r], slope));
+  each_prior(p, [&](double residual, std::initializer_list<Slope>) { sum += square(residual); });
+  return sum / 2;
+}
+
+NormalEquations FrameCost::normal_equations(const double* p, std::span<const int> active) const {
+  const size_t n = active.size();
+  NormalEquations out{std::vector<double>(n * n), std::vector<double>(n), 0};
+  add_rings(p, active, out);
+  std::vector<int> index_of(at_.size(), -1);
+  for (size_t i = 0; i < n; ++i) index_of[static_cast<size_t>(active[i])] = static_cast<int>(i);
+  each_prior(p, [&](double residual, std::initializer_list<Slope> slopes) {
+    out.cost += square(residual) / 2;
+    for (const Slope& a : slopes) {
+      if (index_of[a.parameter] < 0) continue;
+      const auto i = static_cast<size_t>(index_of[a.parameter]);
+      out.gradient[i] += a.value * residual;
+      for (const Slope& b : slopes)
+        if (index_of[b.parameter] >= 0)
+          out.information[i * n + static_cast<size_t>(index_of[b.parameter])] += a.value * b.value;
+    }
+  });
+  return out;
+}
+
+// All but the skies have dense columns: their part is one symmetric product.
+void FrameCost::add_rings(const double* p, std::span<const int> active, NormalEquations& out) const {
+  const size_t n = active.size(), rows = rings_.size();
+  size_t dense = 0;
+  std::vector<int> column_of(at_.size(), -1);
+  for (; dense < n && static_cast<size_t>(active[dense]) < at_.sky(0); ++dense)
+    column_of[static_cast<size_t>(active[dense])] = static_cast<int>(dense);
+  std::vector<int> sky_of(at_.lamps, -1);
+  for (size_t i = dense; i < n; ++i)
+    sky_of[static_cast<size_t>(active[i]) - at_.sky(0)] = static_cast<int>(i);
+  scene_.evaluate(halo_, {p, at_.size()}, data_.lit, data_.sky_unit, {rings_, column_of, dense}, output_);
+  using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto size = static_cast<Eigen::Index>(n), wide = static_cast<Eigen::Index>(dense);
+  Eigen::Map<Square> information(out.information.data(), size, size);
+  Eigen::Map<Square> jacobian(output_.jacobian.data(), static_cast<Eigen::Index>(rows), wide);
+  Eigen::Map<Eigen::VectorXd> gradient(out.gradient.data(), size);
+  for (size_t i = 0; i < rows; ++i) {
+    double slope = 0;
+    const double residual = ring_residual(rings_[i], output_.model[i], slope);
+    out.cost += square(residual) / 2;
+    auto row = jacobian.row(static_cast<Eigen::Index>(i));
+    row *= slope;
+    gradient.head(wide) += residual * row.transpose();
+    const int sky = sky_of[static_cast<size_t>(scene_.lamp_of_ring(rings_[i]))];
+    if (sky < 0) continue;
+    const double by_sky = slope * data_.sky_unit;
+    information.row(sky).head(wide) += by_sky * row;
+    information(sky, sky) += by_sky * by_sky;
+    gradient(sky) += by_sky * residual;
+  }
+  information.topLeftCorner(wide, wide).selfadjointView<Eigen::Lower>().rankUpdate(jacobian.transpose());
+  information.triangularView<Eigen::StrictlyUpper>() = information.transpose();
 }
 
 // What is seen of each guest's beam.
-void FrameCost::guests(const double* p, double* residuals, double* jacobian) const {
-  size_t row = residual_count() - guests_;
+template <typename Sink>
+void FrameCost::each_guest(const double* p, Sink&& sink) const {
   for (size_t j = 0; j < at_.lamps; ++j) {
     const SceneLamp& lamp = scene_.lamps()[j];
     if (!lamp.guest()) continue;
     const double thickness =
         std::exp(p[Layout::ln_sigma] + p[at_.ln_distance(j)]) * lamp.distance_m.value_or(1.0);
     const double ln_beam = p[Layout::ln_gain] + lamp.ln_strength + p[at_.ln_strength(j)] - thickness;
-    residuals[row] = (ln_beam - *lamp.ln_beam) / lamp.ln_beam_sigma;
-    if (jacobian) {
-      double* to = jacobian + row * at_.size();
-      to[Layout::ln_gain] = to[at_.ln_strength(j)] = 1 / lamp.ln_beam_sigma;
-      to[Layout::ln_sigma] = to[at_.ln_distance(j)] = -thickness / lamp.ln_beam_sigma;
-    }
-    ++row;
+    const double s = lamp.ln_beam_sigma;
+    sink((ln_beam - *lamp.ln_beam) / s, {{Layout::ln_gain, 1 / s},
+                                         {at_.ln_strength(j), 1 / s},
+                                         {Layout::ln_sigma, -thickness / s},
+                                         {at_.ln_distance(j), -thickness / s}});
   }
 }
 
-void FrameCost::priors(const double* p, double* residuals, double* jacobian) const {
-  const size_t columns = at_.size();
-  size_t row = rings_.size();
-  if (jacobian) std::fill(jacobian + row * columns, jacobian + residual_count() * columns, 0.0);
-  const auto pull = [&](size_t parameter, double mean, double sigma, bool heavy_tail) {
-    double slope = 1.0;
-    double r = sigma > 0 ? (p[parameter] - mean) / sigma : 0.0;
-    if (heavy_tail) r = soften(r, options_.prior_tail, slope);
-    residuals[row] = r;
-    if (jacobian && sigma > 0) jacobian[row * columns + parameter] = slope / sigma;
-    ++row;
-  };
+template <typename Sink>
+void FrameCost::each_prior(const double* p, Sink&& sink) const {
   constexpr double kStep = 1e-4;
   const double ln_sigma = p[Layout::ln_sigma];
   const auto q_off = [&](double at) {
     return (p[Layout::q] - prior_q(at, options_)) / prior_q_sigma(at, options_);
   };
-  if (jacobian)
-    jacobian[row * columns + Layout::ln_sigma] =
-        (q_off(ln_sigma + kStep) - q_off(ln_sigma - kStep)) / (2 * kStep);
-  pull(Layout::q, prior_q(ln_sigma, options_), prior_q_sigma(ln_sigma, options_), false);
+  sink(q_off(ln_sigma),
+       {{Layout::q, 1 / prior_q_sigma(ln_sigma, options_)},
+        {Layout::ln_sigma, (q_off(ln_sigma + kStep) - q_off(ln_sigma - kStep)) / (2 * kStep)}});
+  const auto pull = [&](size_t parameter, double mean, double sigma, bool heavy_tail) {
+    double slope = sigma > 0 ? 1.0 : 0.0;
+    double r = sigma > 0 ? (p[parameter] - mean) / sigma : 0.0;
+    if (heavy_tail && sigma > 0) r = soften(r, options_.prior_tail, slope);
+    sink(r, {{parameter, sigma > 0 ? slope / sigma : 0.0}});
+  };
   pull(Layout::ln_gain, 0, options_.gain_known ? options_.ln_gain_sigma : kWideGainSigma,
        options_.gain_known);
   const double core = scene_.spread().core_ln_sigma;
@@ -126,16 +210,7 @@ void FrameCost::priors(const double* p, double* residuals, double* jacobian) con
     pull(at_.ln_distance(j), 0, lamp.distance_ln_sigma, false);
     pull(at_.sky(j), 1, kSkySigma, false);
   }
-}
-
-double cost_at(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
-               const std::vector<double>& p) {
-  const FrameCost cost(scene, halo, data, options);
-  std::vector<double> residuals(cost.residual_count());
-  cost.evaluate(p.data(), residuals.data(), nullptr);
-  double sum = 0;
-  for (const double r : residuals) sum += r * r / 2;
-  return sum;
+  each_guest(p, sink);
 }
 
 Residuals residuals_at(const Scene& scene, const HaloModel& halo, const RingData& data,

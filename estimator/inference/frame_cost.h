@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 #include "estimator/inference/joint_fit.h"
@@ -15,6 +16,13 @@ constexpr double kWideGainSigma = 3.0;  // of ln gain where the exposure is auto
 // block. `slope`: its derivative.
 double soften(double r, double tail, double& slope);
 
+// Jᵀ J, Jᵀ r and half of r² of some parameters.
+struct NormalEquations {
+  std::vector<double> information;  // square, symmetric
+  std::vector<double> gradient;
+  double cost = 0;
+};
+
 // Refers to what it was made of, which must outlive it.
 class FrameCost {
  public:
@@ -26,9 +34,21 @@ class FrameCost {
   // Half the sum of squared residuals is −ln p up to a constant. jacobian: row-major, or null.
   void evaluate(const double* p, double* residuals, double* jacobian) const;
 
+  // The same without the residuals: alone, for a model of all rings that is there already, and with the
+  // normal equations of the parameters `active` (ascending), in which a lamp's sky counts in its own rings
+  // alone.
+  double cost(const double* p) const;
+  double cost_of_model(const double* p, std::span<const double> model) const;
+  NormalEquations normal_equations(const double* p, std::span<const int> active) const;
+
  private:
-  void priors(const double* p, double* residuals, double* jacobian) const;
-  void guests(const double* p, double* residuals, double* jacobian) const;
+  // sink(residual, slopes) for every prior, in a fixed order.
+  template <typename Sink>
+  void each_prior(const double* p, Sink&& sink) const;
+  template <typename Sink>
+  void each_guest(const double* p, Sink&& sink) const;
+  double ring_residual(size_t ring, double model, double& slope) const;
+  void add_rings(const double* p, std::span<const int> active, NormalEquations& out) const;
 
   const Scene& scene_;
   const HaloModel& halo_;
@@ -39,8 +59,5 @@ class FrameCost {
   size_t guests_ = 0;
   mutable Scene::Output output_;
 };
-
-double cost_at(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
-               const std::vector<double>& p);
 
 }  // namespace lampglow::inference

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "estimator/inference/fit_starts.h"
 #include "estimator/inference/lamp_powers.h"
@@ -18,7 +19,7 @@ JointFit finish(const Scene& scene, const HaloModel& halo, const RingData& data,
   fit.message = best.message;
   fit.cost = best.cost;
   fit.parameters = std::move(best.parameters);
-  add_covariance(scene, cost, data, options, fit);
+  fit.sigma = deviations_at(scene, cost, data, options, fit.parameters);
   Scene::Output output;
   scene.evaluate(halo, fit.parameters, data.lit, data.sky_unit, output, false);
   fit.model = output.model;
@@ -42,15 +43,19 @@ struct Mode {
   double cost() const { return solved.cost + penalty; }
 };
 
+bool by_cost(const Mode& a, const Mode& b) {
+  return a.cost() < b.cost();
+}
+
 Mode mode_from(const Scene& scene, const HaloModel& halo, const RingData& data, const FitOptions& options,
-               std::vector<double> parameters, std::vector<double> ln_dimming) {
+               std::vector<double> parameters, std::vector<double> ln_dimming, int max_iterations) {
   Mode mode;
   mode.data = data;
   mode.data.ln_dimming = std::move(ln_dimming);
   if (options.ln_half != 0) mode.penalty = mixture_penalty(scene, mode.data.ln_dimming, data.lit);
   const FrameCost cost(scene, halo, mode.data, options);
-  mode.solved = solve(scene, cost, mode.data, options, std::move(parameters), false, options.max_iterations,
-                      halo.max_q());
+  mode.solved =
+      solve(scene, cost, mode.data, options, std::move(parameters), false, max_iterations, halo.max_q());
   return mode;
 }
 
@@ -69,7 +74,8 @@ Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& option
     if (powers.ln_dimming == mode.data.ln_dimming) break;
     for (size_t j = 0; j < at.lamps; ++j) p[at.ln_strength(j)] += p[Layout::ln_gain] - powers.ln_gain;
     p[Layout::ln_gain] = powers.ln_gain;
-    Mode next = mode_from(scene, halo, mode.data, options, std::move(p), std::move(powers.ln_dimming));
+    Mode next = mode_from(scene, halo, mode.data, options, std::move(p), std::move(powers.ln_dimming),
+                          options.max_iterations);
     iterations += next.solved.iterations;
     if (next.cost() >= mode.cost()) break;
     mode = std::move(next);
@@ -77,26 +83,95 @@ Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& option
   return mode;
 }
 
+// Is it on its way to where another start has come to already?
+bool joins(const Mode& mode, const std::vector<Mode>& found) {
+  constexpr double kSameCost = 0.1, kSameLnSigma = 0.02;
+  return std::any_of(found.begin(), found.end(), [&](const Mode& other) {
+    return other.data.ln_dimming == mode.data.ln_dimming &&
+           std::abs(other.solved.cost - mode.solved.cost) < kSameCost &&
+           std::abs(other.solved.parameters[Layout::ln_sigma] - mode.solved.parameters[Layout::ln_sigma]) <
+               kSameLnSigma;
+  });
+}
+
+// The best fit from each start, best first. Most starts fall into one and the same minimum: those that come
+// near it within a few steps are not followed to its bottom.
+std::vector<Mode> modes_from_starts(const Scene& scene, const HaloModel& halo, const RingData& data,
+                                    const FitOptions& options, int& iterations) {
+  constexpr int kFew = 6;
+  std::vector<Mode> modes;
+  for (const Start& start : starts(scene, halo, data, options)) {
+    Mode mode = mode_from(scene, halo, data, options, start.parameters, start.ln_dimming,
+                          modes.empty() ? options.max_iterations : std::min(kFew, options.max_iterations));
+    if (!modes.empty() && !mode.solved.converged && !joins(mode, modes)) {
+      iterations += mode.solved.iterations;
+      mode = mode_from(scene, halo, data, options, mode.solved.parameters, mode.data.ln_dimming,
+                       options.max_iterations);
+    }
+    if (joins(mode, modes)) {
+      iterations += mode.solved.iterations;
+      continue;
+    }
+    modes.push_back(settled(scene, halo, options, std::move(mode), iterations));
+  }
+  std::stable_sort(modes.begin(), modes.end(), by_cost);
+  return modes;
+}
+
+// By how much the cost would rise, to second order, if the lamp's usual power were another: the rest of the
+// frame's say on its strength is a parabola, the prior a Cauchy about either power.
+double rise_if_flipped(const Scene& scene, const FitOptions& options, const Mode& mode, size_t lamp,
+                       double variance, double ln_dimming) {
+  const double sigma = scene.lamps()[lamp].ln_strength_sigma;
+  const double at = mode.solved.parameters[Layout(scene.lamps().size()).ln_strength(lamp)];
+  const auto prior = [&](double strength, double mean) {
+    double slope = 0;
+    const double r = soften((strength - mean) / sigma, options.prior_tail, slope);
+    return r * r / 2;
+  };
+  double slope = 0;
+  const double usual = mode.data.ln_dimming[lamp];
+  const double pull = soften((at - usual) / sigma, options.prior_tail, slope) * slope / sigma;
+  const double known = std::max(1 / variance - slope * slope / (sigma * sigma), 1e-6);
+  const double middle = at + pull / known;  // where the rest alone would have it
+  const auto rest = [&](double strength) { return known * (strength - middle) * (strength - middle) / 2; };
+  double least = std::numeric_limits<double>::infinity();
+  constexpr int kPoints = 64;
+  for (int i = 0; i <= kPoints; ++i) {
+    const double strength = std::lerp(middle, ln_dimming, static_cast<double>(i) / kPoints);
+    least = std::min(least, rest(strength) + prior(strength, ln_dimming));
+  }
+  std::vector<double> dimming = mode.data.ln_dimming;
+  dimming[lamp] = ln_dimming;
+  return least - rest(at) - prior(at, usual) + mixture_penalty(scene, dimming, mode.data.lit) - mode.penalty;
+}
+
 // Lamps at half power in a far lamp's case are told from thicker air by the others alone: tries the other
 // power of each lamp, one by one, and keeps what fits better. Rivals that come near are handed back too.
 std::vector<Mode> with_powers_flipped(const Scene& scene, const HaloModel& halo, const FitOptions& options,
                                       Mode best, int& iterations) {
-  constexpr double kNear = 3.0;
+  constexpr double kNear = 3.0, kHopeless = kNear + 3.0;
   const Layout at(scene.lamps().size());
   std::vector<Mode> rivals;
   for (int round = 0; round < 3; ++round) {
     std::vector<Mode> tried;
+    const std::vector<double> deviations = deviations_at(scene, FrameCost(scene, halo, best.data, options),
+                                                         best.data, options, best.solved.parameters);
     for (size_t j = 0; j < at.lamps; ++j) {
       if (!best.data.lit[j] || scene.lamps()[j].guest()) continue;
       std::vector<double> dimming = best.data.ln_dimming, p = best.solved.parameters;
       dimming[j] = dimming[j] != 0 ? 0.0 : options.ln_half;
+      const double deviation = deviations[at.ln_strength(j)];
+      if (deviation > 0 &&
+          rise_if_flipped(scene, options, best, j, deviation * deviation, dimming[j]) > kHopeless)
+        continue;
       p[at.ln_strength(j)] += dimming[j] - best.data.ln_dimming[j];
-      tried.push_back(mode_from(scene, halo, best.data, options, std::move(p), std::move(dimming)));
+      tried.push_back(mode_from(scene, halo, best.data, options, std::move(p), std::move(dimming),
+                                options.max_iterations));
       iterations += tried.back().solved.iterations;
     }
     if (tried.empty()) break;
-    std::stable_sort(tried.begin(), tried.end(),
-                     [](const Mode& a, const Mode& b) { return a.cost() < b.cost(); });
+    std::stable_sort(tried.begin(), tried.end(), by_cost);
     for (const Mode& mode : tried)
       if (mode.cost() < best.cost() + kNear) rivals.push_back(mode);
     if (tried.front().cost() >= best.cost()) break;
@@ -129,13 +204,7 @@ JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& 
                      const FitOptions& options) {
   constexpr double kRival = 3.0;  // −Δ ln p of the modes that the bounds must cover
   int iterations = 0;
-  std::vector<Mode> modes;
-  for (const Start& start : starts(scene, halo, data, options))
-    modes.push_back(settled(scene, halo, options,
-                            mode_from(scene, halo, data, options, start.parameters, start.ln_dimming),
-                            iterations));
-  const auto by_cost = [](const Mode& a, const Mode& b) { return a.cost() < b.cost(); };
-  std::stable_sort(modes.begin(), modes.end(), by_cost);
+  std::vector<Mode> modes = modes_from_starts(scene, halo, data, options, iterations);
   if (options.ln_half != 0 && options.gain_known && burns_unlike_usual(modes.front())) {
     for (Mode& mode : with_powers_flipped(scene, halo, options, modes.front(), iterations))
       modes.push_back(std::move(mode));
@@ -144,8 +213,10 @@ JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& 
   JointFit fit = finish(scene, halo, options, modes.front());
   // The walk along ln σ may come upon a deeper minimum: then the fit starts anew from there, once.
   if (!fit.deeper.empty()) {
-    Mode again = settled(scene, halo, options,
-                         mode_from(scene, halo, data, options, fit.deeper, fit.ln_dimming), iterations);
+    Mode again =
+        settled(scene, halo, options,
+                mode_from(scene, halo, data, options, fit.deeper, fit.ln_dimming, options.max_iterations),
+                iterations);
     if (again.cost() < fit.cost) {
       fit = finish(scene, halo, options, again);
       modes.insert(modes.begin(), std::move(again));

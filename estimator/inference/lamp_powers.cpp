@@ -47,12 +47,9 @@ Powers likeliest_powers(const Scene& scene, const std::vector<std::optional<doub
   return best;
 }
 
-std::vector<std::optional<double>> ring_ratios(const Scene& scene, const HaloModel& halo,
-                                               const RingData& data, std::vector<double> p) {
+std::vector<std::optional<double>> ring_ratios(const Scene& scene, const RingData& data,
+                                               std::span<const double> light) {
   const Layout at(scene.lamps().size());
-  for (size_t j = 0; j < at.lamps; ++j) p[at.sky(j)] = 0;
-  Scene::Output output;
-  scene.evaluate(halo, p, data.lit, data.sky_unit, output, false);
   struct Sums {
     double w = 0, x = 0, y = 0, xx = 0, xy = 0;
   };
@@ -60,7 +57,7 @@ std::vector<std::optional<double>> ring_ratios(const Scene& scene, const HaloMod
   for (size_t r = 0; r < scene.ring_count(); ++r) {
     if (!data.used[r]) continue;
     Sums& s = sums[static_cast<size_t>(scene.lamp_of_ring(r))];
-    const double w = 1.0 / (data.sigma[r] * data.sigma[r]), x = output.model[r], y = data.value[r];
+    const double w = 1.0 / (data.sigma[r] * data.sigma[r]), x = light[r], y = data.value[r];
     s.w += w, s.x += w * x, s.y += w * y, s.xx += w * x * x, s.xy += w * x * y;
   }
   std::vector<std::optional<double>> ratios(at.lamps);

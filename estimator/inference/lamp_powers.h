@@ -24,8 +24,8 @@ double mixture_penalty(const Scene& scene, const std::vector<double>& ln_dimming
 Powers likeliest_powers(const Scene& scene, const std::vector<std::optional<double>>& ln_ratio,
                         const RingData& data, const FitOptions& options);
 
-// By how much each lamp's own rings are brighter than the model has them, its sky being free.
-std::vector<std::optional<double>> ring_ratios(const Scene& scene, const HaloModel& halo,
-                                               const RingData& data, std::vector<double> p);
+// By how much each lamp's own rings are brighter than `light`, the model's without any sky; its sky is free.
+std::vector<std::optional<double>> ring_ratios(const Scene& scene, const RingData& data,
+                                               std::span<const double> light);
 
 }  // namespace lampglow::inference

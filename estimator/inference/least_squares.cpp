@@ -2,6 +2,7 @@
 
 #include <ceres/ceres.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
@@ -10,19 +11,52 @@
 namespace lampglow::inference {
 namespace {
 
+// Ceres sees the normal equations alone: with L Lᵀ = Jᵀ J and z = L⁻¹ Jᵀ r, the residuals z and what is left
+// of r² have the same cost and the same normal equations as all rings, but are as few as the parameters.
 class CeresCost final : public ceres::CostFunction {
  public:
-  explicit CeresCost(const FrameCost& cost) : cost_(cost) {
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(cost.parameter_count()));
-    set_num_residuals(static_cast<int>(cost.residual_count()));
+  CeresCost(const FrameCost& cost, std::span<const int> active, std::span<const double> all)
+      : cost_(cost), active_(active.begin(), active.end()), all_(all.begin(), all.end()) {
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(active.size()));
+    set_num_residuals(static_cast<int>(active.size()) + 1);
   }
+
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    cost_.evaluate(parameters[0], residuals, jacobians ? jacobians[0] : nullptr);
+    const std::vector<double> p = expanded(parameters[0]);
+    const size_t n = active_.size();
+    std::fill(residuals, residuals + n, 0.0);
+    if (!jacobians) {
+      residuals[n] = std::sqrt(2 * cost_.cost(p.data()));
+      return true;
+    }
+    const NormalEquations normal = cost_.normal_equations(p.data(), active_);
+    const auto size = static_cast<Eigen::Index>(n);
+    Eigen::MatrixXd information = Eigen::Map<const Eigen::MatrixXd>(normal.information.data(), size, size);
+    information.diagonal() *= 1 + 1e-12;  // what nothing tells of must not stop it
+    information.diagonal().array() += 1e-9;
+    const Eigen::LLT<Eigen::MatrixXd> root(information);
+    if (root.info() != Eigen::Success) return false;
+    Eigen::Map<Eigen::VectorXd> z(residuals, size);
+    z = root.matrixL().solve(Eigen::Map<const Eigen::VectorXd>(normal.gradient.data(), size));
+    residuals[n] = std::sqrt(std::max(0.0, 2 * normal.cost - z.squaredNorm()));
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> jacobian(
+        jacobians[0], size + 1, size);
+    jacobian.setZero();
+    jacobian.topRows(size) = root.matrixU();
     return true;
+  }
+
+  // All parameters, the held ones as they were given.
+  std::vector<double> expanded(const double* active) const {
+    std::vector<double> p = all_;
+    for (size_t i = 0; i < active_.size(); ++i) p[static_cast<size_t>(active_[i])] = active[i];
+    return p;
   }
 
  private:
   const FrameCost& cost_;
+  std::vector<int> active_;
+  std::vector<double> all_;
 };
 
 }  // namespace
@@ -48,22 +82,34 @@ std::vector<int> held_parameters(const Scene& scene, const RingData& data, const
   return held;
 }
 
+std::vector<int> free_parameters(const Scene& scene, const RingData& data, const FitOptions& options,
+                                 bool hold_sigma) {
+  const std::vector<int> held = held_parameters(scene, data, options, hold_sigma);
+  std::vector<int> free;
+  for (int i = 0; i < static_cast<int>(Layout(scene.lamps().size()).size()); ++i)
+    if (!std::binary_search(held.begin(), held.end(), i)) free.push_back(i);
+  return free;
+}
+
 Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, const FitOptions& options,
              std::vector<double> start, bool hold_sigma, int max_iterations, double max_q) {
+  const std::vector<int> active = free_parameters(scene, data, options, hold_sigma);
+  std::vector<double> x;
+  for (const int i : active) x.push_back(start[static_cast<size_t>(i)]);
+  CeresCost ceres_cost(cost, active, start);
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem problem(problem_options);
-  CeresCost ceres_cost(cost);
-  problem.AddParameterBlock(start.data(), static_cast<int>(start.size()));
-  problem.AddResidualBlock(&ceres_cost, nullptr, start.data());
-  const std::vector<int> held = held_parameters(scene, data, options, hold_sigma);
-  if (!held.empty())
-    problem.SetManifold(start.data(), new ceres::SubsetManifold(static_cast<int>(start.size()), held));
+  problem.AddResidualBlock(&ceres_cost, nullptr, x.data());
   const Limits limits = limits_of(options);
-  problem.SetParameterLowerBound(start.data(), Layout::ln_sigma, limits.ln_sigma_low);
-  problem.SetParameterUpperBound(start.data(), Layout::ln_sigma, limits.ln_sigma_high);
-  problem.SetParameterLowerBound(start.data(), Layout::q, 0.0);
-  problem.SetParameterUpperBound(start.data(), Layout::q, max_q);
+  for (size_t i = 0; i < active.size(); ++i) {
+    const auto bound = [&](double low, double high) {
+      problem.SetParameterLowerBound(x.data(), static_cast<int>(i), low);
+      problem.SetParameterUpperBound(x.data(), static_cast<int>(i), high);
+    };
+    if (active[i] == Layout::ln_sigma) bound(limits.ln_sigma_low, limits.ln_sigma_high);
+    if (active[i] == Layout::q) bound(0.0, max_q);
+  }
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
   solver.max_num_iterations = max_iterations;
@@ -74,7 +120,7 @@ Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, co
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
   return {summary.final_cost, summary.termination_type == ceres::CONVERGENCE,
-          static_cast<int>(summary.iterations.size()), summary.message, std::move(start)};
+          static_cast<int>(summary.iterations.size()), summary.message, ceres_cost.expanded(x.data())};
 }
 
 }  // namespace lampglow::inference

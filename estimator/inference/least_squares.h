@@ -19,6 +19,10 @@ Limits limits_of(const FitOptions& options);
 std::vector<int> held_parameters(const Scene& scene, const RingData& data, const FitOptions& options,
                                  bool hold_sigma);
 
+// All others, in order.
+std::vector<int> free_parameters(const Scene& scene, const RingData& data, const FitOptions& options,
+                                 bool hold_sigma);
+
 struct Solved {
   double cost = std::numeric_limits<double>::infinity();
   bool converged = false;

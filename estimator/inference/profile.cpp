@@ -9,21 +9,33 @@
 namespace lampglow::inference {
 namespace {
 
+// Where the walk comes to if it goes on as it went from `before` to `now`.
+std::vector<double> ahead(const std::vector<double>& before, const std::vector<double>& now, double part,
+                          double ln_sigma, double max_q) {
+  std::vector<double> p = now;
+  for (size_t i = 0; i < p.size(); ++i) p[i] += part * (now[i] - before[i]);
+  p.at(Layout::ln_sigma) = ln_sigma;
+  p.at(Layout::q) = std::clamp(p.at(Layout::q), 0.0, max_q);
+  return p;
+}
+
 // Walks from the best fit to one side, σ held at each step, until the probability has fallen far enough.
 void walk(const Scene& scene, const FrameCost& cost, const RingData& data, const FitOptions& options,
           double step, double max_q, JointFit& fit) {
   constexpr double kFarEnough = 4.5;  // −Δ ln p; 95 % bounds need 1.92
   constexpr int kMaxSteps = 12;
   const Limits limits = limits_of(options);
-  std::vector<double> p = fit.parameters;
-  double x = fit.ln_sigma(), previous = fit.cost;
+  std::vector<double> p = fit.parameters, before = p;
+  double x = fit.ln_sigma(), previous = fit.cost, last_step = step;
   for (int i = 0; i < kMaxSteps; ++i) {
     x += step;
     if (x <= limits.ln_sigma_low || x >= limits.ln_sigma_high) return;
-    p[Layout::ln_sigma] = x;
-    const Solved solved = solve(scene, cost, data, options, p, true, 6, max_q);
+    const Solved solved =
+        solve(scene, cost, data, options, ahead(before, p, step / last_step, x, max_q), true, 6, max_q);
+    before = std::move(p);
     p = solved.parameters;
-    fit.posterior.push_back({x, solved.cost, p[Layout::q], 0});
+    last_step = step;
+    fit.posterior.push_back({x, solved.cost, p.at(Layout::q), 0});
     if (solved.cost < fit.cost - 0.1) fit.deeper = p;
     if (solved.cost - fit.cost > kFarEnough) return;
     if (solved.cost - previous < 0.3) step *= 1.6;
@@ -48,24 +60,19 @@ double profile_at(const std::vector<PosteriorPoint>& p, double x) {
 
 }  // namespace
 
-void add_covariance(const Scene& scene, const FrameCost& cost, const RingData& data,
-                    const FitOptions& options, JointFit& fit) {
-  const auto columns = static_cast<Eigen::Index>(cost.parameter_count());
-  const auto rows = static_cast<Eigen::Index>(cost.residual_count());
-  std::vector<double> residuals(cost.residual_count());
-  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> jacobian(rows, columns);
-  cost.evaluate(fit.parameters.data(), residuals.data(), jacobian.data());
-  Eigen::MatrixXd information = jacobian.transpose() * jacobian;
-  for (const int held : held_parameters(scene, data, options, false)) {
-    information.row(held).setZero();
-    information.col(held).setZero();
-    information(held, held) = 1e20;
-  }
+std::vector<double> deviations_at(const Scene& scene, const FrameCost& cost, const RingData& data,
+                                  const FitOptions& options, std::span<const double> parameters) {
+  const std::vector<int> active = free_parameters(scene, data, options, false);
+  const NormalEquations normal = cost.normal_equations(parameters.data(), active);
+  const auto size = static_cast<Eigen::Index>(active.size());
+  Eigen::MatrixXd information = Eigen::Map<const Eigen::MatrixXd>(normal.information.data(), size, size);
   information.diagonal().array() += 1e-9;
-  const Eigen::MatrixXd covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(columns, columns));
-  fit.sigma.resize(cost.parameter_count());
-  for (Eigen::Index c = 0; c < columns; ++c)
-    fit.sigma[static_cast<size_t>(c)] = covariance(c, c) > 0 ? std::sqrt(covariance(c, c)) : 0;
+  const Eigen::MatrixXd covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  std::vector<double> deviations(cost.parameter_count(), 0.0);
+  for (Eigen::Index c = 0; c < size; ++c)
+    if (covariance(c, c) > 0)
+      deviations[static_cast<size_t>(active[static_cast<size_t>(c)])] = std::sqrt(covariance(c, c));
+  return deviations;
 }
 
 void add_posterior(const Scene& scene, const FrameCost& cost, const RingData& data, const FitOptions& options,

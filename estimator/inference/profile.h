@@ -1,14 +1,16 @@
 // How sure the fit is: the covariance of its parameters, and the posterior of ln σ, profiled.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "estimator/inference/frame_cost.h"
 
 namespace lampglow::inference {
 
-void add_covariance(const Scene& scene, const FrameCost& cost, const RingData& data,
-                    const FitOptions& options, JointFit& fit);
+// Standard deviations of all parameters there, 0 where held.
+std::vector<double> deviations_at(const Scene& scene, const FrameCost& cost, const RingData& data,
+                                  const FitOptions& options, std::span<const double> parameters);
 
 // Walks from the best fit to both sides along ln σ, all else fitted at each step.
 void add_posterior(const Scene& scene, const FrameCost& cost, const RingData& data, const FitOptions& options,

@@ -101,7 +101,8 @@ Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<cons
   LampTerms term;
   term.lamp = j;
   const double kappa = lamps_[j].core_seen ? 1.0 : std::exp(p[Layout::ln_kappa]);
-  const double strength = std::exp(p[Layout::ln_gain]) * std::exp(lamps_[j].ln_strength + p[at.ln_strength(j)]);
+  const double strength =
+      std::exp(p[Layout::ln_gain]) * std::exp(lamps_[j].ln_strength + p[at.ln_strength(j)]);
   term.thickness = std::exp(p[Layout::ln_sigma] + p[at.ln_distance(j)]) * lamps_[j].distance_m.value_or(1.0);
   term.beam = strength * std::exp(-std::min(term.thickness, 700.0));
   const double scale = strength * kappa * std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 *
