@@ -1,13 +1,11 @@
 // Answers from memory.
-#include <boost/json.hpp>
 #include <functional>
 
 #include "web/answers.h"
+#include "web/json_parts.h"
 #include "web/static_files.h"
 
 namespace lampglow::web {
-
-namespace json = boost::json;
 
 Response json_answer(std::string body, int max_age_s) {
   Response response;
@@ -95,7 +93,7 @@ Response healthz(const Call& call) {
   json::array faults;
   for (const std::string& fault : call.live.faults()) faults.emplace_back(fault);
   return json_answer(
-      json::serialize(json::object{{"status", faults.empty() ? "ok" : "degraded"}, {"faults", faults}}));
+      json_text(json::object{{"status", faults.empty() ? "ok" : "degraded"}, {"faults", faults}}));
 }
 
 Response readyz(const Call& call) {

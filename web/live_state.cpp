@@ -1,13 +1,12 @@
 #include "web/live_state.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <deque>
 #include <map>
 #include <mutex>
 
-#include "storage/means.h"
+#include "web/last_hour.h"
+#include "web/message_log.h"
 #include "web/metrics_text.h"
 #include "web/query.h"
 
@@ -15,41 +14,6 @@ namespace lampglow::web {
 namespace {
 
 using storage::ObservationRow;
-
-// The last hour of one camera, for running means and the trend.
-class LastHour {
- public:
-  void add(const Observation& observation) {
-    frames_.push_back(observation);
-    const TimePoint oldest = observation.time_utc - std::chrono::hours(1);
-    while (frames_.front().time_utc <= oldest || frames_.front().time_utc > observation.time_utc)
-      frames_.pop_front();
-  }
-
-  // The mean of (end - period, end], end being the latest frame's time.
-  ObservationRow running_mean(int period_s) const { return mean_between(period_s, 0, period_s); }
-
-  // The last ten minutes against the ten before, as extinction: 30 % is a change.
-  std::string trend() const {
-    const auto now = mean_between(600, 0, 600).observation.extinction_per_m;
-    const auto before = mean_between(600, 600, 600).observation.extinction_per_m;
-    if (!now || !before) return "";
-    if (*now > 1.3 * *before) return "worsening";
-    return *before > 1.3 * *now ? "improving" : "steady";
-  }
-
- private:
-  ObservationRow mean_between(int length_s, int until_s, int period_s) const {
-    const TimePoint end = frames_.back().time_utc - std::chrono::seconds(until_s);
-    std::vector<Observation> chosen;
-    for (const Observation& frame : frames_)
-      if (frame.time_utc > end - std::chrono::seconds(length_s) && frame.time_utc <= end)
-        chosen.push_back(frame);
-    return storage::mean_of(chosen, end, period_s);
-  }
-
-  std::deque<Observation> frames_;
-};
 
 struct CameraState {
   storage::CameraRecord record;
@@ -67,15 +31,10 @@ bool failed(const FrameResult& result) {
   return !result.observation.extinction_per_m;
 }
 
-std::string new_run_id() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(now).count());
-}
-
 }  // namespace
 
 struct LiveState::Impl {
-  explicit Impl(LiveOptions given) : options(std::move(given)), run_id(new_run_id()) {
+  explicit Impl(LiveOptions given) : options(std::move(given)), messages(options.stream_messages) {
     if (!options.now)
       options.now = [] {
         return std::chrono::time_point_cast<std::chrono::milliseconds>(std::chrono::system_clock::now());
@@ -96,7 +55,8 @@ struct LiveState::Impl {
     row.reason = camera.latest->reason;
     row.values = failed(*camera.latest) ? 0 : 1;
     const ObservationRow minute = camera.hour.running_mean(60), ten = camera.hour.running_mean(600);
-    CurrentParts parts{&camera.record, &row, &minute, &ten, camera.hour.trend(), camera.health};
+    CurrentParts parts{
+        &camera.record, &row, &minute, &ten, camera.hour.trend(), camera.health, options.stale_after.count()};
     camera.fresh = current_feature(parts, false);
     camera.stale = current_feature(parts, true);
     // The sensor's state is in the answer, too.
@@ -115,51 +75,21 @@ struct LiveState::Impl {
     return true;
   }
 
-  void send(const std::string& type, TimePoint time, const std::string& data) {
-    auto message = std::make_shared<StreamMessage>();
-    message->sequence = ++sequence;
-    message->wire = "id: " + run_id + "-" + std::to_string(sequence) + "-" +
-                    std::to_string(time.time_since_epoch().count()) + "\nevent: " + type + "\ndata: " + data +
-                    "\n\n";
-    stream.push_back(std::move(message));
-    while (std::ssize(stream) > options.stream_messages) stream.pop_front();
-  }
-
   double age_s(const CameraState& camera) const {
     const auto age = options.now() - camera.latest->observation.time_utc;
     return std::max(0.0, std::chrono::duration<double>(age).count());
   }
 
   LiveOptions options;
-  const std::string run_id;
   mutable std::mutex mutex;
   std::vector<std::unique_ptr<CameraState>> cameras;
-  std::deque<std::shared_ptr<const StreamMessage>> stream;
-  std::uint64_t sequence = 0;
+  MessageLog messages;
   std::function<void()> notify;
   std::map<std::string, std::string> faults;
   std::string not_ready = "starting";
   std::map<int, std::uint64_t> requests;
   int stream_clients = 0;
 };
-
-std::optional<StreamPosition> parse_stream_id(std::string_view id) {
-  const size_t first = id.find('-');
-  const size_t second = first == std::string_view::npos ? first : id.find('-', first + 1);
-  if (second == std::string_view::npos) return std::nullopt;
-  StreamPosition out{std::string(id.substr(0, first)), 0, {}};
-  std::int64_t time_ms = 0;
-  const auto whole = [](std::string_view text, auto& value) {
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    return error == std::errc{} && end == text.data() + text.size();
-  };
-  constexpr std::int64_t kLastMs = 253402300799999;  // year 9999
-  if (!whole(id.substr(first + 1, second - first - 1), out.sequence) ||
-      !whole(id.substr(second + 1), time_ms) || time_ms < 0 || time_ms > kLastMs)
-    return std::nullopt;
-  out.time_utc = TimePoint{std::chrono::milliseconds{time_ms}};
-  return out;
-}
 
 LiveState::LiveState(LiveOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
 LiveState::~LiveState() = default;
@@ -193,8 +123,8 @@ void LiveState::publish(const std::string& name, const FrameResult& result,
     const bool current = impl_->take(*camera, result);
     if (current) {
       const double age = impl_->age_s(*camera);
-      impl_->send("observation", result.observation.time_utc,
-                  camera->fresh.head + std::to_string(static_cast<int>(age)) + camera->fresh.tail);
+      impl_->messages.add("observation", result.observation.time_utc,
+                          camera->fresh.head + std::to_string(static_cast<int>(age)) + camera->fresh.tail);
       notify = impl_->notify;
     }
   }
@@ -210,7 +140,7 @@ void LiveState::publish_event(const storage::Event& event) {
   std::function<void()> notify;
   {
     const std::lock_guard lock(impl_->mutex);
-    impl_->send("event", event.time_utc, event_json(event));
+    impl_->messages.add("event", event.time_utc, event_json(event));
     notify = impl_->notify;
   }
   if (notify) notify();
@@ -318,23 +248,18 @@ TimePoint LiveState::now() const {
 }
 
 const std::string& LiveState::run_id() const {
-  return impl_->run_id;
+  return impl_->messages.run_id();
 }
 
 std::uint64_t LiveState::last_sequence() const {
   const std::lock_guard lock(impl_->mutex);
-  return impl_->sequence;
+  return impl_->messages.last_sequence();
 }
 
 std::optional<std::vector<std::shared_ptr<const StreamMessage>>> LiveState::messages_after(
     std::uint64_t after) const {
   const std::lock_guard lock(impl_->mutex);
-  const std::uint64_t first_kept =
-      impl_->stream.empty() ? impl_->sequence + 1 : impl_->stream.front()->sequence;
-  if (after > impl_->sequence || after + 1 < first_kept) return std::nullopt;
-  std::vector<std::shared_ptr<const StreamMessage>> out;
-  for (size_t i = after + 1 - first_kept; i < impl_->stream.size(); ++i) out.push_back(impl_->stream[i]);
-  return out;
+  return impl_->messages.after(after);
 }
 
 void LiveState::on_message(std::function<void()> callback) {

@@ -9,12 +9,12 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "estimator/observation.h"
 #include "estimator/site.h"
 #include "storage/records.h"
+#include "web/message_log.h"
 #include "web/shapes.h"
 
 namespace lampglow::web {
@@ -26,19 +26,6 @@ struct LiveOptions {
   std::string version;                      // of the program, for lampglow_build_info
   int stream_messages = 1024;               // kept for Last-Event-ID
   std::function<TimePoint()> now;           // empty: the system's clock
-};
-
-// Where a client of the event stream is: the id of the last message it saw, RUN-SEQUENCE-TIME_MS.
-struct StreamPosition {
-  std::string run;
-  std::uint64_t sequence = 0;
-  TimePoint time_utc{};  // of the observation or event
-};
-std::optional<StreamPosition> parse_stream_id(std::string_view id);
-
-struct StreamMessage {
-  std::uint64_t sequence = 0;  // ascending from 1 within one run of the program
-  std::string wire;            // the whole message as sent: id, event, data
 };
 
 struct Picture {

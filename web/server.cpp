@@ -25,6 +25,7 @@ using boost::system::error_code;
 
 constexpr auto kNoThrow = asio::as_tuple(asio::use_awaitable);
 constexpr int kMissedObservations = 2000;
+constexpr size_t kPiece_bytes = 65536;
 
 using PlainStream = beast::tcp_stream;
 using TlsStream = beast::ssl_stream<beast::tcp_stream>;
@@ -100,6 +101,8 @@ struct Server::Impl {
   asio::awaitable<void> serve(Stream& stream);
   template <typename Stream>
   asio::awaitable<bool> answer(Stream& stream, const WireRequest& wire);
+  template <typename Stream>
+  asio::awaitable<bool> write_all(Stream& stream, std::string_view head, std::string_view body);
   template <typename Stream>
   asio::awaitable<void> refuse(Stream& stream, int status);
   template <typename Stream>
@@ -225,16 +228,29 @@ asio::awaitable<bool> Server::Impl::answer(Stream& stream, const WireRequest& wi
   const bool streaming = kind == Route::Kind::stream && response.status == 200;
   const bool keep_alive = wire.keep_alive() && !streaming;
   const std::string head = head_of(response, wire.version(), keep_alive, !streaming);
-  beast::get_lowest_layer(stream).expires_after(options.write_timeout);
   if (streaming) {
+    beast::get_lowest_layer(stream).expires_after(options.write_timeout);
     co_await follow(stream, request, head);
     co_return false;
   }
   const bool head_only = wire.method() == http::verb::head || response.status == 304;
   const std::string_view body = head_only ? std::string_view() : response.content();
-  const std::array<asio::const_buffer, 2> parts{asio::buffer(head), asio::buffer(body)};
-  const auto [error, count] = co_await asio::async_write(stream, parts, kNoThrow);
-  co_return !error && keep_alive;
+  co_return co_await write_all(stream, head, body) && keep_alive;
+}
+
+// The time limit is for each piece: a slow connection gets a long answer, a dead one is closed. False: it is.
+template <typename Stream>
+asio::awaitable<bool> Server::Impl::write_all(Stream& stream, std::string_view head, std::string_view body) {
+  for (;;) {
+    const std::string_view piece = body.substr(0, kPiece_bytes);
+    body.remove_prefix(piece.size());
+    const std::array<asio::const_buffer, 2> parts{asio::buffer(head), asio::buffer(piece)};
+    head = {};
+    beast::get_lowest_layer(stream).expires_after(options.write_timeout);
+    const auto [error, count] = co_await asio::async_write(stream, parts, kNoThrow);
+    if (error) co_return false;
+    if (body.empty()) co_return true;
+  }
 }
 
 // What the client has missed: from memory, else from the database; nothing for a new client but the present

@@ -22,7 +22,7 @@ struct ServerOptions {
   int max_body_bytes = 1024;                // a GET needs none
   std::chrono::seconds header_timeout{10};  // a whole request, from its first byte or the connection's start
   std::chrono::seconds keep_alive_timeout{60};  // between requests
-  std::chrono::seconds write_timeout{20};       // an answer, or one stream message
+  std::chrono::seconds write_timeout{20};       // 64 KiB of an answer, or one stream message
   std::chrono::seconds stream_heartbeat{15};    // a comment line, so that both ends notice a dead connection
 };
 

@@ -1,35 +1,13 @@
 #include "web/shapes.h"
 
-#include <boost/json.hpp>
-#include <charconv>
-#include <cmath>
-
+#include "web/json_parts.h"
 #include "web/metar.h"
 
 namespace lampglow::web {
 namespace {
 
-namespace json = boost::json;
 using storage::CameraRecord;
 using storage::ObservationRow;
-
-json::value number(const std::optional<double>& value) {
-  return value ? json::value(*value) : json::value(nullptr);
-}
-
-json::value text_or_null(std::string_view text) {
-  return text.empty() ? json::value(nullptr) : json::value(text);
-}
-
-json::value time_or_null(const std::optional<TimePoint>& time) {
-  return time ? json::value(format_time_utc(*time)) : json::value(nullptr);
-}
-
-json::object quantity(const char* unit, const std::optional<double>& value, const std::optional<double>& low,
-                      const std::optional<double>& high) {
-  return {
-      {"value", number(value)}, {"minValue", number(low)}, {"maxValue", number(high)}, {"unitCode", unit}};
-}
 
 std::optional<double> two_percent(const std::optional<double>& mor_m) {
   constexpr double ratio = kTwoPercentVisibilityTimesExtinction / kMorTimesExtinction;
@@ -69,13 +47,6 @@ json::array present_weather(const Observation& o) {
   const char* name = code == "FG" ? "fog" : code == "BR" ? "mist" : code == "HZ" ? "haze" : "rain";
   return {
       json::object{{"intensity", nullptr}, {"modifier", nullptr}, {"weather", name}, {"rawString", code}}};
-}
-
-json::value geometry(const CameraRecord& camera) {
-  if (!camera.latitude_deg || !camera.longitude_deg) return nullptr;
-  json::array place{*camera.longitude_deg, *camera.latitude_deg};
-  if (camera.elevation_m) place.emplace_back(*camera.elevation_m);
-  return json::object{{"type", "Point"}, {"coordinates", place}};
 }
 
 json::object measured(const Observation& o) {
@@ -129,42 +100,6 @@ json::value mean_or_null(const ObservationRow* row) {
   return out;
 }
 
-json::object health_json(const CameraHealth& health) {
-  return {{"up", health.up},
-          {"fault", text_or_null(health.fault)},
-          {"message", text_or_null(health.message)},
-          {"lastFrame", time_or_null(health.last_frame_utc)},
-          {"nextDue", time_or_null(health.next_due_utc)}};
-}
-
-std::string csv(const std::optional<double>& value) {
-  if (!value) return "";
-  char text[40];
-  const auto end = std::to_chars(text, text + sizeof text, *value).ptr;
-  return {text, end};
-}
-
-void append_number(std::string& out, const std::optional<double>& value) {
-  char text[40];
-  if (!value || !std::isfinite(*value)) {
-    out += "null";
-    return;
-  }
-  out.append(text, std::to_chars(text, text + sizeof text, *value).ptr);
-}
-
-json::array numbers(const std::vector<double>& values) {
-  return json::array(values.begin(), values.end());
-}
-
-// RFC 4180.
-std::string csv(const std::string& text) {
-  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
-  std::string out = "\"";
-  for (const char c : text) out += c == '"' ? "\"\"" : std::string(1, c);
-  return out + "\"";
-}
-
 }  // namespace
 
 std::string observation_id(const CameraRecord& camera, const ObservationRow& row) {
@@ -184,129 +119,19 @@ FeatureHalves current_feature(const CurrentParts& parts, bool stale) {
   }
   json::object content = properties(*parts.camera, row);
   content["stale"] = stale;
+  content["staleAfterSeconds"] = parts.stale_after_s;
   content["oneMinute"] = mean_or_null(stale ? nullptr : parts.one_minute);
   content["tenMinutes"] = mean_or_null(stale ? nullptr : parts.ten_minutes);
   content["trend"] = stale ? json::value(nullptr) : text_or_null(parts.trend);
   content["sensor"] = health_json(parts.health);
-  std::string text = json::serialize(feature(*parts.camera, row, std::move(content)));
+  std::string text = json_text(feature(*parts.camera, row, std::move(content)));
   // "properties" is the last member: the age goes in as the last of its own.
   text.resize(text.size() - 2);
   return {text + ",\"ageSeconds\":", "}}"};
 }
 
 std::string observation_feature(const CameraRecord& camera, const ObservationRow& row) {
-  return json::serialize(feature(camera, row, properties(camera, row)));
-}
-
-void append_observation_json(std::string& out, const ObservationRow& row) {
-  const Observation& o = row.observation;
-  const auto field = [&out](const char* name, const std::optional<double>& value) {
-    ((out += ",\"") += name) += "\":";
-    append_number(out, value);
-  };
-  const auto word = [&out](const char* name, std::string_view value) {
-    ((out += ",\"") += name) += "\":";
-    value.empty() ? out += "null" : ((out += '"') += value) += '"';
-  };
-  ((out += "{\"time_utc\":\"") += format_time_utc(o.time_utc)) += '"';
-  field("mor_m", o.mor_m());
-  field("mor_low_m", o.mor_low_m());
-  field("mor_high_m", o.mor_high_m());
-  word("limit", to_string(o.limit));
-  field("extinction_per_m", o.extinction_per_m);
-  field("q", o.q);
-  field("q_low", o.q_low);
-  field("q_high", o.q_high);
-  word("weather", to_string(o.weather));
-  word("method", to_string(o.method));
-  field("lights_used", o.lights_used);
-  word("quality", o.quality.to_string());
-  field("period_s", row.period_s);
-  field("frames", row.frames);
-  field("values", row.values);
-  if (!row.reason.empty()) out += ",\"reason\":" + json::serialize(json::string(row.reason));
-  out += '}';
-}
-
-std::string observation_csv_header() {
-  return "time_utc,mor_m,mor_low_m,mor_high_m,limit,extinction_per_m,q,q_low,q_high,weather,method,lights_"
-         "used,"
-         "quality,camera,period_s,frames,values\r\n";
-}
-
-std::string observation_csv(const CameraRecord& camera, const ObservationRow& row) {
-  const Observation& o = row.observation;
-  std::string out = format_time_utc(o.time_utc);
-  for (const auto& value : {o.mor_m(), o.mor_low_m(), o.mor_high_m()}) out += "," + csv(value);
-  out += "," + std::string(to_string(o.limit));
-  for (const auto& value : {o.extinction_per_m, o.q, o.q_low, o.q_high}) out += "," + csv(value);
-  out += "," + std::string(to_string(o.weather)) + "," + std::string(to_string(o.method)) + "," +
-         std::to_string(o.lights_used) + "," + o.quality.to_string() + "," + csv(camera.name) + "," +
-         std::to_string(row.period_s) + "," + std::to_string(row.frames) + "," + std::to_string(row.values);
-  return out + "\r\n";
-}
-
-std::string light_json(const storage::LampRecord& lamp, const LampFit* fit,
-                       std::optional<TimePoint> fit_time) {
-  json::object out{{"id", lamp.id},
-                   {"x", lamp.x_px},
-                   {"y", lamp.y_px},
-                   {"distance", quantity("wmoUnit:m", lamp.distance_m, {}, {})},
-                   {"referenceSince", time_or_null(lamp.reference_since)},
-                   {"state", fit ? to_string(fit->state) : to_string(LampState::unknown)},
-                   {"fit", nullptr}};
-  if (fit)
-    out["fit"] = json::object{{"timestamp", time_or_null(fit_time)},
-                              {"x", fit->x_px},
-                              {"y", fit->y_px},
-                              {"distanceMeters", number(fit->distance_m)},
-                              {"strengthRatio", number(fit->strength_ratio)},
-                              {"opticalThickness", number(fit->optical_thickness)},
-                              {"residualRms", number(fit->residual_rms)}};
-  return json::serialize(out);
-}
-
-std::string profile_json(const std::string& lamp, TimePoint time, const RingProfile& profile) {
-  return json::serialize(json::object{
-      {"id", lamp},
-      {"timestamp", format_time_utc(time)},
-      {"thetaDegrees", numbers(profile.theta_deg)},
-      {"radiance", numbers(profile.radiance)},
-      {"radianceSigma", numbers(profile.radiance_sigma)},
-      {"model", profile.model.empty() ? json::value(nullptr) : json::value(numbers(profile.model))}});
-}
-
-std::string camera_json(const CameraRecord& camera, const CameraHealth& health,
-                        const std::optional<TimePoint>& last_observation_utc) {
-  return json::serialize(json::object{{"camera", camera.name},
-                                      {"station", camera.station},
-                                      {"geometry", geometry(camera)},
-                                      {"width", camera.width_px},
-                                      {"height", camera.height_px},
-                                      {"lastObservation", time_or_null(last_observation_utc)},
-                                      {"sensor", health_json(health)}});
-}
-
-std::string picture_json(const storage::PictureRecord& picture) {
-  const std::string time = format_time_utc(picture.time_utc);
-  return json::serialize(json::object{{"camera", picture.camera},
-                                      {"time", time},
-                                      {"keptFor", to_string(picture.kept_for)},
-                                      {"bytes", picture.size_bytes},
-                                      {"href", "/v1/frames/" + picture.camera + "/" + time + ".jpg"}});
-}
-
-std::string json_string(std::string_view text) {
-  return json::serialize(json::string(text));
-}
-
-std::string event_json(const storage::Event& event) {
-  return json::serialize(json::object{{"id", event.number},
-                                      {"time", format_time_utc(event.time_utc)},
-                                      {"kind", to_string(event.kind)},
-                                      {"severity", to_string(event.severity)},
-                                      {"camera", text_or_null(event.camera)},
-                                      {"message", event.message}});
+  return json_text(feature(camera, row, properties(camera, row)));
 }
 
 }  // namespace lampglow::web

@@ -37,6 +37,7 @@ struct CurrentParts {
   const storage::ObservationRow* ten_minutes = nullptr;
   std::string trend;  // "improving", "steady", "worsening"; empty: not known
   CameraHealth health;
+  std::int64_t stale_after_s = 0;  // so that a page that hears nothing more knows when it shows the past
 };
 
 // The current observation. `stale`: every measured quantity is null, the rest says how old it is.

@@ -4,6 +4,7 @@
 #include <openssl/rand.h>
 #include <openssl/sha.h>
 
+#include <algorithm>
 #include <array>
 #include <stdexcept>
 
@@ -38,8 +39,11 @@ std::string token_hash(std::string_view token) {
 }
 
 bool token_allowed(std::string_view authorization, const std::vector<std::string>& hashes) {
-  constexpr std::string_view kScheme = "Bearer ";
-  if (!authorization.starts_with(kScheme)) return false;
+  constexpr std::string_view kScheme = "bearer ";  // a scheme's case does not matter (RFC 9110, 11.1)
+  const auto same = [](char given, char known) { return (given | 0x20) == (known | 0x20); };
+  if (authorization.size() < kScheme.size() ||
+      !std::equal(kScheme.begin(), kScheme.end(), authorization.begin(), same))
+    return false;
   const std::string hash = token_hash(authorization.substr(kScheme.size()));
   bool allowed = false;
   for (const std::string& known : hashes)

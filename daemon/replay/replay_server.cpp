@@ -66,6 +66,9 @@ std::uint16_t ReplayServer::port() const {
 void ReplayServer::set_site(const Site& site) {
   impl_->camera = site.name;
   impl_->live.set_camera(site.name, site);
+  web::CameraHealth health;
+  health.up = true;  // an archive does not fail
+  impl_->live.set_health(site.name, health);
 }
 
 void ReplayServer::publish(const FrameResult& result) {

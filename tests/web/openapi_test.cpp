@@ -224,6 +224,7 @@ TEST_F(OpenApiTest, TokensProtectWhatTheyAreToProtect) {
     EXPECT_EQ(ask(path).status, open ? 200 : 401) << path;
     EXPECT_EQ(ask(path, "", "Bearer wrong").status, open ? 200 : 401) << path;
     EXPECT_EQ(ask(path, "", "Bearer " + token).status, 200) << path;
+    EXPECT_EQ(ask(path, "", "bearer " + token).status, 200) << path << ": the scheme's case does not matter";
   }
 }
 

@@ -11,6 +11,7 @@
 #include "tests/storage/sample.h"
 #include "tests/storage/temporary_directory.h"
 #include "tests/web/client.h"
+#include "web/static_files.h"
 
 namespace lampglow::web {
 namespace {
@@ -52,8 +53,10 @@ TEST_F(ServerTest, SaysTheCurrentVisibilityAndHowOldItIs) {
   const auto& properties = feature.at("properties").as_object();
   EXPECT_EQ(properties.at("ageSeconds").as_int64(), 10);
   EXPECT_EQ(properties.at("stale"), false);
+  EXPECT_EQ(properties.at("staleAfterSeconds").as_int64(), 300);
   EXPECT_NEAR(properties.at("visibility").at("value").to_number<double>(), 2.995732273553991 / 0.012, 1e-9);
   EXPECT_EQ(properties.at("visibility").at("unitCode"), "wmoUnit:m");
+  EXPECT_NE(answer.body.find("\"extinction\":{\"value\":0.012,"), std::string::npos) << answer.body;
   EXPECT_EQ(properties.at("weather"), "fog");
   EXPECT_EQ(properties.at("rawMessage"), "METAR HARBOUR 220100Z AUTO /////KT 0200 FG");
 }
@@ -159,6 +162,13 @@ TEST_F(ServerTest, ASlowClientIsDropped) {
   Client client(server->port());
   client.send("GET /healthz HTT");
   EXPECT_TRUE(client.closed());
+}
+
+TEST_F(ServerTest, ALongAnswerComesWhole) {
+  start();
+  const std::string_view file = static_file("/dygraph.min.js")->content;
+  ASSERT_GT(file.size(), 65536);  // more than one piece
+  EXPECT_TRUE(ask("/dygraph.min.js").body == file);
 }
 
 TEST_F(ServerTest, AnAddressHasOnlySoManyConnections) {

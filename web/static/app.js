@@ -6,7 +6,7 @@ import { follow, getBlob, getJson, getObservations } from "./station.js";
 const $ = (id) => document.getElementById(id);
 const state = { camera: "", current: null, received: 0, connected: false, selected: "", pictureUrl: "", fetchFailed: false };
 const series = new Series($("series"), $("legend"));
-const STALE_S = 300;
+const OLD_S = 6 * 3600;  // not stale by the station's own limit, and yet not of today: an archive's replay
 
 function text(id, value) {
   if ($(id).textContent !== value) $(id).textContent = value;
@@ -18,13 +18,15 @@ function ageSeconds() {
 }
 
 function isStale() {
-  return state.current !== null && (state.current.stale || ageSeconds() > STALE_S);
+  return state.current !== null && (state.current.stale || ageSeconds() > state.current.staleAfterSeconds);
 }
 
 function showNotice() {
   const parts = [];
   if (!state.connected) parts.push("No connection to the station; what you see is the last that came.");
   if (isStale()) parts.push(`Stale: the last frame is ${age(ageSeconds())}. It does not say what the air is like now.`);
+  else if (state.current && ageSeconds() > OLD_S)
+    parts.push(`A replay: its latest frame is of ${time(state.current.timestamp, true)}. It does not say what the air is like now.`);
   text("notice", parts.join(" "));
   $("notice").hidden = parts.length === 0;
   document.body.classList.toggle("stale", isStale() || !state.connected);
@@ -33,6 +35,25 @@ function showNotice() {
 function showAge() {
   if (state.current) text("age", age(ageSeconds()));
   showNotice();
+}
+
+// "fog, 97 % sure": the probability of the class that is told.
+function weatherText(c) {
+  const sure = c.weatherProbability && c.weatherProbability[c.weather];
+  return sure ? `${c.weather}, ${Math.floor(100 * sure)} % sure` : c.weather;
+}
+
+// Half of the 95 % range beside the value; a limit has none.
+function uncertaintyText(v) {
+  if (v.limit || v.value === null || v.minValue === null || v.maxValue === null) return "";
+  return ` (±${Math.round((50 * (v.maxValue - v.minValue)) / v.value)} %)`;
+}
+
+function bandText(v) {
+  if (v.minValue === null && v.maxValue === null) return "–";
+  if (v.maxValue === null) return `above ${lengthText(v.minValue)}`;
+  if (v.minValue === null) return `below ${lengthText(v.maxValue)}`;
+  return `${lengthText(v.minValue)} to ${lengthText(v.maxValue)}${uncertaintyText(v)}`;
 }
 
 function showNow() {
@@ -45,17 +66,17 @@ function showNow() {
   text("limit", stale ? "" : { above: "at least ", below: "at most " }[v.limit] || "");
   text("value", shown.value);
   text("value-unit", shown.unit);
-  text("weather", stale ? "" : c.weather);
+  text("weather", stale ? "" : weatherText(c));
   text("trend", c.trend && !stale ? `· ${{ improving: "↗ improving", steady: "→ steady", worsening: "↘ worsening" }[c.trend]}` : "");
-  text("band", stale || (v.minValue === null && v.maxValue === null) ? "–" : `${lengthText(v.minValue)} and ${lengthText(v.maxValue)}`);
+  text("band", stale ? "–" : bandText(v));
   const mean = !stale && c.tenMinutes && c.tenMinutes.visibility;
   text("mean", mean ? ({ above: "at least ", below: "at most " }[mean.limit] || "") + lengthText(mean.value) : "–");
   text("time", time(c.timestamp, true));
-  text("used", String(c.lightsUsed));
-  text("metar", c.rawMessage);
+  text("used", stale ? "–" : String(c.lightsUsed));
+  text("metar", stale ? "–" : c.rawMessage);
   text("quality", [c.reason, ...c.quality.map((flag) => flag.replaceAll("_", " "))].filter(Boolean).join("; ") || "none");
   text("station", c.station);
-  document.title = stale || v.value === null ? "lampglow" : `${lengthText(v.value)} · ${c.station}`;
+  document.title = stale || v.value === null ? `– · ${c.station}` : `${$("limit").textContent}${lengthText(v.value)} · ${c.station}`;
   showAge();
 }
 
@@ -93,6 +114,7 @@ async function loadSeries() {
 async function loadPicture() {
   const blob = await getBlob(`/v1/frames/latest.jpg?camera=${encodeURIComponent(state.camera)}&annotated=${$("annotated").checked}`);
   $("picture").hidden = !blob;
+  $("marks").hidden = !blob;
   $("no-picture").hidden = Boolean(blob);
   if (!blob) return;
   if (state.pictureUrl) URL.revokeObjectURL(state.pictureUrl);
@@ -111,6 +133,8 @@ function lightButton(light) {
 function placeMark(light, camera) {
   const button = lightButton(light);
   button.setAttribute("aria-label", `Lamp ${light.id}, ${light.state}: show its ring profile`);
+  button.title = `${light.id}: ${light.state}`;
+  button.setAttribute("aria-pressed", String(light.id === state.selected));
   button.style.left = `${(100 * (light.fit ? light.fit.x : light.x)) / camera.width}%`;
   button.style.top = `${(100 * (light.fit ? light.fit.y : light.y)) / camera.height}%`;
   return button;
@@ -143,7 +167,7 @@ async function loadLights() {
 
 async function showProfile(id) {
   state.selected = id;
-  for (const button of $("lights").querySelectorAll("button"))
+  for (const button of document.querySelectorAll("#lights button, #marks button"))
     button.setAttribute("aria-pressed", String(button.dataset.light === id));
   $("profile-box").hidden = false;
   text("profile-title", `Lamp ${id}: ring profile`);
@@ -153,7 +177,9 @@ async function showProfile(id) {
   try {
     const profile = await getJson(`/v1/lights/${encodeURIComponent(id)}/profile?camera=${encodeURIComponent(state.camera)}`);
     drawProfile($("profile"), profile);
-    text("profile-facts", fit ? `points: measured with 1 σ; line: fit. σR ${number(fit.opticalThickness)}, strength ${number(fit.strengthRatio)} × reference, residual ${number(fit.residualRms)} σ, ${time(profile.timestamp)}` : time(profile.timestamp));
+    text("profile-facts", ["Across: angle from the lamp; up: radiance; both logarithmic. Points and band: measured, ±1 σ; line: fit.",
+      fit ? `σR ${number(fit.opticalThickness)}, strength ${number(fit.strengthRatio)} × reference, residual ${number(fit.residualRms)} σ.` : "",
+      time(profile.timestamp)].join(" "));
   } catch (error) {
     $("profile").textContent = "";
     text("profile-facts", "No ring profile of this lamp is kept.");
@@ -201,6 +227,7 @@ async function loadEvents() {
   try {
     const { events } = await getJson("/v1/events?limit=50");
     $("events").replaceChildren(...events.reverse().map(eventItem));
+    if (!events.length) $("events").textContent = "None yet.";
   } catch (error) {
     $("events").textContent = "This station keeps no events.";
   }
@@ -217,6 +244,7 @@ async function loadAll() {
 
 async function onMessage(type, data) {
   if (type === "event") {
+    if (!$("events").children.length) $("events").textContent = "";
     $("events").prepend(eventItem(data));
     return loadHealth();
   }

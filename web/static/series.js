@@ -33,12 +33,51 @@ function toRow(row) {
   return [at, [(row.mor_low_m ?? row.mor_m) / u, v, Math.min(row.mor_high_m ?? row.mor_m, 1e6) / u], none, none];
 }
 
+// A hole in time is a hole in the line: where frames are missing, a row without a value stands between.
+function withHoles(rows) {
+  const steps = rows.slice(1).map((row, i) => row[0] - rows[i][0]).sort((a, b) => a - b);
+  const longest = Math.max(5 * (steps[steps.length >> 1] || 0), 180e3);
+  return rows.flatMap((row, i) =>
+    i && row[0] - rows[i - 1][0] > longest ? [[new Date((row[0].getTime() + rows[i - 1][0].getTime()) / 2), none, none, none], row] : [row]);
+}
+
+const FOG_M = 1000, MIST_M = 5000, DAY_MS = 86400e3;
+
+// Fog's and mist's limits are always in sight, so that a look at the height tells what the air is like.
+function valueRange(data) {
+  const values = data.flatMap((row) => row.slice(1).flat()).filter((v) => v !== null && v > 0);
+  return [Math.min(500 / axisUnit(), ...values) / 1.15, Math.max(7000 / axisUnit(), ...values) * 1.15];
+}
+
+// As long as there are data for, 6 to 24 h.
+function spanMs(data, last) {
+  return Math.min(Math.max((last - data[0][0]) * 1.02, DAY_MS / 4), DAY_MS);
+}
+
+function drawLimits(canvas, area, graph) {
+  const fog = graph.toDomYCoord(FOG_M / axisUnit()), mist = graph.toDomYCoord(MIST_M / axisUnit());
+  canvas.fillStyle = css("--fog");
+  canvas.fillRect(area.x, fog, area.w, area.y + area.h - fog);
+  canvas.strokeStyle = canvas.fillStyle = css("--soft");
+  canvas.setLineDash([5, 5]);
+  canvas.beginPath();
+  canvas.moveTo(area.x, mist);
+  canvas.lineTo(area.x + area.w, mist);
+  canvas.stroke();
+  canvas.setLineDash([]);
+  canvas.font = "12px system-ui, sans-serif";
+  canvas.fillText("fog", area.x + 6, fog + 15);
+  canvas.fillText("mist", area.x + 6, mist + 15);
+}
+
 export class Series {
   constructor(element, legend) {
     this.element = element;
     this.legend = legend;
     this.rows = new Map();
     this.graph = null;
+    this.chosen = -1;
+    element.addEventListener("keydown", (event) => this.onKey(event));
   }
 
   set(rows) {
@@ -54,7 +93,8 @@ export class Series {
   draw() {
     const all = [...this.rows.values()].sort((a, b) => (a.time_utc < b.time_utc ? -1 : 1));
     const last = all.length ? Date.parse(all[all.length - 1].time_utc) : 0;
-    const data = all.filter((row) => Date.parse(row.time_utc) > last - 86400e3).map(toRow);
+    const data = withHoles(all.filter((row) => Date.parse(row.time_utc) > last - DAY_MS).map(toRow));
+    this.chosen = -1;
     if (this.graph) this.graph.destroy();
     this.graph = null;
     if (!data.length || typeof Dygraph === "undefined") {
@@ -64,6 +104,7 @@ export class Series {
     this.element.textContent = "";
     this.graph = new Dygraph(this.element, data, {
       labels: ["time", "value", "at least", "at most"], customBars: true, logscale: true,
+      dateWindow: [last - spanMs(data, last), last + spanMs(data, last) / 100], valueRange: valueRange(data), underlayCallback: drawLimits,
       labelsUTC: settings.zone === "UTC", strokeWidth: 1.5, connectSeparatedPoints: false, fillAlpha: 0.22, gridLineColor: css("--line"),
       axisLineColor: css("--line"), colors: [css("--accent"), css("--above"), css("--below")], animatedZooms: false,
       series: {
@@ -72,12 +113,32 @@ export class Series {
       },
       axes: { y: { axisLabelWidth: 60, axisLabelFormatter: (v) => lengthText(v * axisUnit()) } },
       highlightCallback: (event, x) => this.describe(x),
-      unhighlightCallback: () => { this.legend.textContent = ""; },
+      unhighlightCallback: () => this.describe(last),
     });
+    this.describe(last);
+  }
+
+  // From frame to frame by the arrow keys, to the first and the last by Home and End.
+  onKey(event) {
+    if (!this.graph) return;
+    const rows = this.graph.numRows(), now = this.chosen < 0 ? rows - 1 : this.chosen;
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? 0;
+    let next = { Home: 0, End: rows - 1 }[event.key] ?? now + step;
+    if (next === now && !step) return;
+    event.preventDefault();
+    next = Math.min(Math.max(next, 0), rows - 1);
+    if (!this.find(this.graph.getValue(next, 0))) next += step;  // over a hole
+    this.chosen = next;
+    this.graph.setSelection(next);
+    this.describe(this.graph.getValue(next, 0));
+  }
+
+  find(x) {
+    return this.rows.get([...this.rows.keys()].find((key) => Date.parse(key) === x));
   }
 
   describe(x) {
-    const row = this.rows.get([...this.rows.keys()].find((key) => Date.parse(key) === x));
+    const row = this.find(x);
     if (!row) return;
     const words = { above: "at least ", below: "at most " }[row.limit] || "";
     const band = row.limit || row.mor_low_m === null ? "" : ` (${lengthText(row.mor_low_m)} to ${lengthText(row.mor_high_m)})`;
@@ -97,7 +158,7 @@ export function drawProfile(element, profile) {
   return new Dygraph(element, rows, {
     labels: profile.model ? ["angle", "measured", "fit"] : ["angle", "measured"], customBars: true, logscale: true,
     gridLineColor: css("--line"), axisLineColor: css("--line"), colors: [css("--accent"), css("--below")],
-    series: { measured: { drawPoints: true, pointSize: 3, strokeWidth: 0 } },
+    series: { measured: { drawPoints: true, pointSize: 3, strokeWidth: 0 }, fit: { strokeWidth: 2 } },
     axes: { x: { logscale: true, valueFormatter: (v) => `${v.toPrecision(2)}°`, axisLabelFormatter: (v) => `${Number(v.toPrecision(2))}°` },
             y: { axisLabelWidth: 60, axisLabelFormatter: (v) => Number(v.toPrecision(2)).toString() } },
   });

@@ -41,7 +41,7 @@ try {
   await until("picture", async () => page.isVisible("#picture"));
   await until("series", async () => (await page.locator("#series canvas").count()) > 0);
   assert.match(await page.textContent("#notice"), /Stale/);
-  for (const id of ["value", "band", "mean"])
+  for (const id of ["value", "band", "mean", "used", "metar"])
     assert.equal((await page.textContent(`#${id}`)).trim(), "–", `a stale page shows no ${id}`);
 
   const before = await page.textContent("#time");
@@ -52,6 +52,13 @@ try {
   await page.keyboard.press("Enter");
   await until("ring profile", async () => page.isVisible("#profile-box"));
   await page.screenshot({ path: join(out, "desktop.png"), fullPage: true });
+  // From frame to frame of the series.
+  await page.focus("#series");
+  await page.keyboard.press("Home");
+  const oldest = await page.textContent("#legend");
+  await page.keyboard.press("End");
+  assert.match(oldest, /^[0-9:]+: /);
+  assert.notEqual(await page.textContent("#legend"), oldest, "arrow keys go through the series");
   for (const [id, expected] of [["unit", "mi"], ["zone", "UTC"]]) {
     await page.focus(`#${id}`);
     await page.keyboard.press("Enter");

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""The power fails at random moments: power_cut_test.py LAMPGLOW DEB [CUTS [SEED]]
+"""The power fails at random moments: power_cut_test.py LAMPGLOW DEB [CUTS [ROWS [SEED]]]
 
 The machine is killed while it measures, each time 20 to 50 s after it was seen to measure again; the moments come from
-the seed, which is printed. After each cut it must come up by itself, pass SQLite's integrity check, hold everything that was
+the seed, which is printed. A row for each cut is written to the file ROWS, too; if that has rows already, only the rest of
+the cuts is made: a run of hours that was ended goes on. After each cut it must come up by itself, pass SQLite's integrity check, hold everything that was
 shown more than the bound before the cut (checkpoint_minutes = 0.25) with the same values, and nothing twice.
 Exit 77: something can't be had here.
 
@@ -54,22 +55,33 @@ def check_values(known, rows):
             assert abs(float(stored) - value) <= 1e-6 * abs(value), f"{key}: shown {value}, stored {stored}"
 
 
+def rows_in(file):
+    return [line for line in file.read_text().splitlines() if line.startswith("|")] if file and file.exists() else []
+
+
+def put_row(file, row):
+    print(row, flush=True)
+    if file:
+        with file.open("a") as out:
+            out.write(row + "\n")
+
+
 def main():
-    lampglow, deb = sys.argv[1:3]
-    cuts = int(sys.argv[3]) if len(sys.argv) > 3 else 3
-    seed = int(sys.argv[4]) if len(sys.argv) > 4 else random.SystemRandom().randrange(1 << 30)
+    lampglow, deb, cuts, rows, seed, *_ = [*sys.argv[1:], *[""] * 3]
+    cuts, rows = int(cuts or 3), pathlib.Path(rows) if rows else None
+    seed, done = int(seed or random.SystemRandom().randrange(1 << 30)), len(rows_in(rows))
     draw, known = random.Random(seed), {}
-    log(f"{cuts} power cuts, seed {seed}, bound {BOUND_S:.0f} s")
+    log(f"{cuts} power cuts, {done} of them made before, seed {seed}, bound {BOUND_S:.0f} s")
     with tempfile.TemporaryDirectory(prefix="lampglow-vm-") as folder:
         machine, camera = prepare(pathlib.Path(folder), lampglow, deb)
         try:
             machine.boot()
             install(machine, camera, checkpoint_minutes=BOUND_S / 60)
             machine.run("sync")  # the package's own files: dpkg syncs them but for the last
-            print("| cut | ran, s | shown | lost within the bound | ready again after, s |\n|---|---|---|---|---|")
-            for number in range(1, cuts + 1):
+            print("| seed | cut | ran, s | shown | lost within the bound | ready again after, s |\n|---|---|---|---|---|---|")
+            for number in range(done + 1, cuts + 1):
                 ran_s, shown, lost, up_s = cut_once(machine, draw, known)
-                print(f"| {number} | {ran_s:.1f} | {shown} | {lost} | {up_s:.0f} |", flush=True)
+                put_row(rows, f"| {seed} | {number} | {ran_s:.1f} | {shown} | {lost} | {up_s:.0f} |")
             log(f"{len(known)} observations are in the database, none lost beyond the bound, none twice, integrity_check ok")
         except BaseException:
             print(machine.console()[-6000:])
