@@ -5,7 +5,6 @@
 #include <boost/asio/ssl.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
-#include <boost/beast/ssl.hpp>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -28,7 +27,8 @@ constexpr int kMissedObservations = 2000;
 constexpr size_t kPiece_bytes = 65536;
 
 using PlainStream = beast::tcp_stream;
-using TlsStream = beast::ssl_stream<beast::tcp_stream>;
+using TlsStream = asio::ssl::stream<beast::tcp_stream>;  // through Beast's own ssl_stream answers over 64 KiB
+                                                         // did not arrive
 
 asio::ssl::context tls_context(const ServerOptions& options) {
   asio::ssl::context context(asio::ssl::context::tls_server);
@@ -44,6 +44,13 @@ asio::ssl::context tls_context(const ServerOptions& options) {
   if (error)
     throw std::runtime_error(options.tls_key.string() + ": no usable PEM key for it: " + error.message());
   return context;
+}
+
+// Takes a piece off the front.
+std::string_view take_piece(std::string_view& body) {
+  const std::string_view piece = body.substr(0, kPiece_bytes);
+  body.remove_prefix(piece.size());
+  return piece;
 }
 
 }  // namespace
@@ -241,16 +248,16 @@ asio::awaitable<bool> Server::Impl::answer(Stream& stream, const WireRequest& wi
 // The time limit is for each piece: a slow connection gets a long answer, a dead one is closed. False: it is.
 template <typename Stream>
 asio::awaitable<bool> Server::Impl::write_all(Stream& stream, std::string_view head, std::string_view body) {
-  for (;;) {
-    const std::string_view piece = body.substr(0, kPiece_bytes);
-    body.remove_prefix(piece.size());
-    const std::array<asio::const_buffer, 2> parts{asio::buffer(head), asio::buffer(piece)};
-    head = {};
-    beast::get_lowest_layer(stream).expires_after(options.write_timeout);
-    const auto [error, count] = co_await asio::async_write(stream, parts, kNoThrow);
-    if (error) co_return false;
-    if (body.empty()) co_return true;
+  auto& lowest = beast::get_lowest_layer(stream);
+  const std::array<asio::const_buffer, 2> first{asio::buffer(head), asio::buffer(take_piece(body))};
+  lowest.expires_after(options.write_timeout);
+  auto [error, count] = co_await asio::async_write(stream, first, kNoThrow);
+  while (!error && !body.empty()) {
+    const asio::const_buffer piece = asio::buffer(take_piece(body));
+    lowest.expires_after(options.write_timeout);
+    std::tie(error, count) = co_await asio::async_write(stream, piece, kNoThrow);
   }
+  co_return !error;
 }
 
 // What the client has missed: from memory, else from the database; nothing for a new client but the present

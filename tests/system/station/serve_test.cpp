@@ -170,6 +170,9 @@ TEST_F(Station, TlsByOptionForThoseWhoTrustItsCertificateAndSpeakAVersionThatHol
                          }))
       << answer.failure << station.log();
   EXPECT_THAT(answer.body, HasSubstr("\"status\":\"ok\""));
+  // An answer of more than one piece (64 KiB).
+  const Answer longer = ask_securely(port_, "/dygraph.min.js", certificate);
+  EXPECT_TRUE(longer.body == read_all("/usr/share/javascript/dygraphs/dygraph.min.js")) << longer.failure;
 
   const fs::path stranger = folder_ / "stranger.pem";
   write_certificate(stranger, folder_ / "stranger.key", -1, 1);
