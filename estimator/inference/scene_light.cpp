@@ -37,8 +37,26 @@ void glow_at_nodes(const HaloModel& model, double thickness, double q, std::span
   }
 }
 
-// A node's numbers, side by side: one weight then serves all four.
+// A node's numbers, side by side: one weight then serves all four. Without a Jacobian the halo stands alone.
 enum Term : size_t { kHalo, kThickness, kQ, kShape, kTerms };
+
+// Each node's numbers become those after the lens: column by column of the convolution, four columns at once.
+template <size_t kCount>
+void convolve(const std::vector<double>& convolution, double* terms) {
+  std::array<double, kSceneNodes * kCount> out{};
+  for (size_t n = 0; n < kSceneNodes; n += 4) {
+    const double* column = &convolution[n * kSceneNodes];
+    const double* in = &terms[n * kCount];
+    for (size_t m = 0; m < kSceneNodes; ++m)
+      for (size_t t = 0; t < kCount; ++t)
+        out[m * kCount + t] = out[m * kCount + t] + column[m] * in[t] +
+                              column[kSceneNodes + m] * in[kCount + t] +
+                              column[2 * kSceneNodes + m] * in[2 * kCount + t] +
+                              column[3 * kSceneNodes + m] * in[3 * kCount + t];
+  }
+  std::copy(out.begin(), out.end(), terms);
+}
+static_assert(kSceneNodes % 4 == 0);
 
 }  // namespace
 
@@ -111,27 +129,22 @@ Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<cons
   glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], node_theta_, glow);
   for (size_t n = 0; n < kSceneNodes; ++n) {
     const double shape = 1.0 + p[Layout::emission] * emission_shape_[n];
-    double* node = &term.nodes[n * kTerms];
+    double* node = &term.nodes[n * (want_jacobian ? size_t{kTerms} : 1)];
     node[kHalo] = scale * glow.value[n] * shape;
     if (!want_jacobian) continue;
     node[kThickness] = scale * glow.d_ln_thickness[n] * shape;
     node[kQ] = scale * glow.d_q[n] * shape;
     node[kShape] = scale * glow.value[n] * emission_shape_[n];
   }
-  spread_halo(term.nodes.data());
+  if (want_jacobian)
+    spread_halo(term.nodes.data());
+  else
+    convolve<1>(convolution_, term.nodes.data());
   return term;
 }
 
-// Each node's numbers become those after the lens.
 void Scene::spread_halo(double* terms) const {
-  std::array<double, kSceneNodes * kTerms> out{};
-  for (size_t n = 0; n < kSceneNodes; ++n) {
-    const double* column = &convolution_[n * kSceneNodes];
-    const double* in = &terms[n * kTerms];
-    for (size_t m = 0; m < kSceneNodes; ++m)
-      for (size_t t = 0; t < kTerms; ++t) out[m * kTerms + t] += column[m] * in[t];
-  }
-  std::copy(out.begin(), out.end(), terms);
+  convolve<kTerms>(convolution_, terms);
 }
 
 // One lamp's light in one ring, and its part of the ring's row.
@@ -139,13 +152,13 @@ double Scene::add_light(size_t r, const LampTerms& term, double kappa, Row& row)
   const size_t j = term.lamp;
   const Range& range = ranges_[r * lamps_.size() + j];
   const double* weight = &weights_[range.offset];
-  const double* node = &term.nodes[range.start * kTerms];
+  const double* node = &term.nodes[range.start * (row.values ? size_t{kTerms} : 1)];
   const bool by_glare = !lamps_[j].core_seen;
   const bool core = by_glare && is_core_[r] && owner_[r] == static_cast<int>(j);
   const double beam = term.beam * direct(r, j) * (core ? kappa : 1.0);
   std::array<double, kTerms> sum{};
   if (!row.values) {
-    for (size_t n = 0; n < range.count; ++n) sum[kHalo] += weight[n] * node[n * kTerms];
+    for (size_t n = 0; n < range.count; ++n) sum[kHalo] += weight[n] * node[n];
     return beam + sum[kHalo];
   }
   for (size_t n = 0; n < range.count; ++n)
