@@ -18,6 +18,8 @@ constexpr std::size_t kBatches = 16;  // of one round; each has a random stream 
 constexpr int kMinRounds = 4;
 // Optical depth beyond the direct beam's from which nothing is seen any more.
 constexpr double kDark = 25;
+// Farther out a photon that was drawn more often than it is found is one among others again.
+constexpr double kAfar = 1;
 // A collision so far outside of the camera's sphere is not counted: the far field begins here at the
 // earliest.
 constexpr double kUnseen = 10;
@@ -25,8 +27,9 @@ constexpr double kUnseen = 10;
 struct Photon {
   double radius, cosine, sine;  // place, and the angle between its flight and the outward radius
   double weight;
-  int scatterings;  // collisions so far, the present one included
-  bool on_the_way;  // crosses the far sphere: to be moved, not scattered
+  double start_weight;  // what it was given where rare ways are drawn more often than they are taken
+  int scatterings;      // collisions so far, the present one included
+  bool on_the_way;      // crosses the far sphere: to be moved, not scattered
 };
 
 // A straight way past the lamp at distance `miss`, from x = begin on; x = 0 is nearest to the lamp.
@@ -67,7 +70,7 @@ class Batch {
 
   std::vector<Sum> run(std::uint64_t photons) {
     for (std::uint64_t i = 0; i < photons; ++i) {
-      waiting_.push_back({0, 1, 0, 1, 0, true});
+      waiting_.push_back({0, 1, 0, 1, 1, 0, true});
       while (!waiting_.empty()) {
         Photon photon = waiting_.back();
         waiting_.pop_back();
@@ -83,7 +86,7 @@ class Batch {
       if (!photon.on_the_way) scatter(photon);
       const Flight flight(photon);
       if (flight.miss > 0) score_near_the_lamp(photon, flight);
-      const double length = -std::log(random_.open_uniform());
+      const double length = photon.radius == 0 ? first_flight(photon) : -std::log(random_.open_uniform());
       move(photon, flight, flight.begin + length);
       if (photon.radius > far_.radius()) {
         if (!return_from_far(photon)) return;
@@ -93,6 +96,21 @@ class Batch {
             flight.miss > 0 ? 1 / (1 + flight.per_unit(flight.begin + length) * std::exp(length)) : 1);
       if (!in_window(photon)) return;
     }
+  }
+
+  // The way from the lamp to the first collision. In thin air few photons collide between lamp and camera,
+  // but those make most of the light that is scattered twice: half of the ways are drawn on that scale, from
+  // T/(T + r)², and the weight makes up for it.
+  double first_flight(Photon& photon) {
+    const double u = random_.open_uniform();
+    if (run_.thickness >= 1) return -std::log(u);
+    const double scale = run_.thickness;
+    const double length = random_.uniform() < 0.5 ? -std::log(u) : scale * (1 - u) / u;
+    const double natural = std::exp(-length),
+                 drawn = (natural + scale / ((scale + length) * (scale + length))) / 2;
+    photon.start_weight = natural / drawn;
+    photon.weight *= photon.start_weight;
+    return length;
   }
 
   // A collision at x along the flight.
@@ -118,8 +136,22 @@ class Batch {
     score(collision, natural / (natural + flight.per_unit(x)));
   }
 
+  // In thin air light that turns sharply at one of its first collisions and slightly at another makes much of
+  // what is seen far from the lamp, and such photons are rare: half of the turns are drawn from all
+  // directions.
+  double draw_turn(Photon& photon) {
+    if (run_.thickness >= 1 || photon.scatterings > 2 || photon.radius > kAfar)
+      return phase_.sample(random_.uniform());
+    const double u = random_.uniform();
+    const double cos_alpha = random_.uniform() < 0.5 ? phase_.sample(u) : 2 * u - 1;
+    const double natural = 4 * kPi * phase_.per_sr(cos_alpha), factor = 2 * natural / (natural + 1);
+    photon.start_weight *= factor;
+    photon.weight *= factor;
+    return cos_alpha;
+  }
+
   void scatter(Photon& photon) {
-    const double cos_alpha = phase_.sample(random_.uniform());
+    const double cos_alpha = draw_turn(photon);
     const double sin_alpha = std::sqrt(std::max(0.0, (1 - cos_alpha) * (1 + cos_alpha)));
     const double turn = 2 * kPi * random_.uniform();
     const double in_plane = sin_alpha * std::cos(turn), across = sin_alpha * std::sin(turn);
@@ -131,8 +163,10 @@ class Batch {
   // Splits a photon whose weight is large for where it is, and ends most of those that hardly count. What a
   // photon is worth falls with the distance from the camera's sphere as diffused light does.
   bool in_window(Photon& photon) {
+    if (photon.radius > kAfar) photon.start_weight = 1;
     const double outside = photon.radius - run_.thickness;
     const double expected =
+        photon.start_weight *
         std::exp(decay_ * (std::max(outside, 0.0) - std::min(photon.radius, run_.thickness)));
     if (photon.weight > 2 * expected) {
       const auto copies = static_cast<std::size_t>(photon.weight / expected);
@@ -168,26 +202,55 @@ class Batch {
     return (1 - q * q) / (2 * kPi * kPi) * elliptic_e(least / most) / (least * std::sqrt(most));
   }
 
-  // What this collision, of this share, sends to the camera within each ring; the header has the formula.
-  // With dθ/dχ the mean over a ring of solid angle Ω is (χ2 - χ1) sin χ / (2 T² cos θ Ω) Σ± e^(-s±) p(α±).
+  // A ray through a collision, by its angles at the camera and at the collision: r sin χ = T sin θ.
+  struct Ray {
+    double sin_theta, cos_theta, sin_chi, cos_chi;
+    double measure;  // of sin θ dθ / cos χ; 0 if the collision lies on no ray of the ring
+  };
+
+  // Beyond the camera's sphere drawn evenly in θ, within it evenly in χ: the one avoids what grows without
+  // bound where θ nears 90°, the other where χ does.
+  Ray draw_ray(const Ring& ring, double radius) {
+    const double ratio = run_.thickness / radius;
+    Ray ray{};
+    if (ratio < 1) {
+      const double theta = ring.inner_rad + (ring.outer_rad - ring.inner_rad) * random_.uniform();
+      ray.sin_theta = std::sin(theta);
+      ray.cos_theta = std::cos(theta);
+      ray.sin_chi = ratio * ray.sin_theta;
+      ray.cos_chi = std::sqrt(1 - ray.sin_chi * ray.sin_chi);
+      ray.measure = (ring.outer_rad - ring.inner_rad) * ray.sin_theta / ray.cos_chi;
+      return ray;
+    }
+    const double nearest = ratio * std::sin(ring.inner_rad), farthest = ratio * std::sin(ring.outer_rad);
+    if (nearest >= 1) return ray;
+    const double first = std::asin(nearest), last = farthest < 1 ? std::asin(farthest) : kPi / 2;
+    const double chi = first + (last - first) * random_.uniform();
+    ray.sin_chi = std::sin(chi);
+    ray.cos_chi = std::cos(chi);
+    ray.sin_theta = ray.sin_chi / ratio;
+    ray.cos_theta = std::sqrt(std::max(0.0, 1 - ray.sin_theta * ray.sin_theta));
+    if (ray.cos_theta > 0) ray.measure = (last - first) * ray.sin_theta / (ratio * ray.cos_theta);
+    return ray;
+  }
+
+  // What this collision, of this share, sends to the camera within each ring: the header's formula, its mean
+  // over the ring of solid angle Ω being ∫ sin θ dθ / (2 r² cos χ Ω) Σ± e^(-s±) p(α±).
   void score(const Photon& photon, double share) {
     const double thickness = run_.thickness, radius = photon.radius;
     for (std::size_t i = 0; i < sums_.size(); ++i) {
       const Ring& ring = run_.rings[i];
-      const double nearest = thickness * std::sin(ring.inner_rad) / radius,
-                   farthest = thickness * std::sin(ring.outer_rad) / radius;
-      if (nearest >= 1) continue;
-      const double first = std::asin(nearest), last = farthest < 1 ? std::asin(farthest) : kPi / 2;
-      const double chi = first + (last - first) * random_.uniform();
-      const double sine = std::sin(chi), cosine = std::cos(chi), sin_theta = radius * sine / thickness;
-      const double cos_theta = std::sqrt(std::max(0.0, 1 - sin_theta * sin_theta));
-      const double to_foot = thickness * cos_theta, from_foot = radius * cosine;
+      const Ray ray = draw_ray(ring, radius);
+      if (ray.measure == 0) continue;
+      const double to_foot = thickness * ray.cos_theta, from_foot = radius * ray.cos_chi;
       if (from_foot >= to_foot && from_foot + to_foot > thickness + kDark) continue;
-      double light = std::exp(-to_foot - from_foot) * mean_phase(photon.cosine, photon.sine, -cosine, sine);
+      double light =
+          std::exp(-to_foot - from_foot) * mean_phase(photon.cosine, photon.sine, -ray.cos_chi, ray.sin_chi);
       if (from_foot < to_foot)
-        light += std::exp(from_foot - to_foot) * mean_phase(photon.cosine, photon.sine, cosine, sine);
-      light *= photon.weight * share * (last - first) * sine /
-               (2 * thickness * thickness * cos_theta * ring_solid_angle_sr(ring.inner_rad, ring.outer_rad));
+        light +=
+            std::exp(from_foot - to_foot) * mean_phase(photon.cosine, photon.sine, ray.cos_chi, ray.sin_chi);
+      light *= photon.weight * share * ray.measure /
+               (2 * radius * radius * ring_solid_angle_sr(ring.inner_rad, ring.outer_rad));
       (photon.scatterings == 1 ? sums_[i].single : sums_[i].multiple) += light;
     }
   }
@@ -248,7 +311,8 @@ CollisionEstimate simulate_collisions(const CollisionPhotons& run, const Executo
     for (std::size_t i = 0; i < run.rings.size(); ++i) {
       const Estimate single = result.single.emplace_back(mean_of(batches, i, &Sum::single));
       const Estimate multiple = result.multiple.emplace_back(mean_of(batches, i, &Sum::multiple));
-      known = known && multiple.sigma <= run.relative_error * (single.value + multiple.value);
+      known = known && multiple.sigma <= run.relative_error * (single.value + multiple.value) &&
+              multiple.sigma <= run.relative_error_of_multiple * multiple.value;
     }
     if (known) break;
   }

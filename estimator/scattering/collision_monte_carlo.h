@@ -7,8 +7,9 @@
 // all cameras is
 //   Σ± e^(-s±) p(α±) / (4πr² cos χ),   sin χ = b/r,
 // s± the way from there to the camera, α± the angle between the photon and that ray, p averaged over the
-// photon's turn about the radius. In a ring, χ is drawn evenly so that 1/cos χ cancels. Photons are split on
-// their way out and cut by roulette beyond the camera, so that as many arrive in thick air as in thin.
+// photon's turn about the radius. In a ring, θ or χ is drawn, whichever leaves a finite variance. Photons are
+// split on their way out and cut by roulette beyond the camera, so that as many arrive in thick air as in
+// thin.
 //
 // It shares the random numbers, the phase function and the far field with monte_carlo.h, nothing with the
 // glow table.
@@ -36,6 +37,9 @@ struct CollisionPhotons {
   int max_rounds = 50;
   // Rounds go on (4 at least) until every ring's standard deviation is below this share of all its light.
   double relative_error = 0.005;
+  // And below this share of the multiply scattered light alone: where that is a small part, few rare photons
+  // carry it, and a spread that is small beside all light may not have seen one of them yet.
+  double relative_error_of_multiple = 0.05;
   std::uint64_t seed = 1;
   double far_margin = 2;  // see GlowPhotons
 };

@@ -81,7 +81,7 @@ void count_collisions(Check& check, std::uint64_t seed) {
   run.albedo = check.albedo;
   run.thickness = check.thickness;
   run.rings = {{check.inner, check.outer}};
-  run.photons_per_round = 3200;
+  run.photons_per_round = 6400;
   run.max_rounds = 2000;
   run.relative_error = kKnownByCollisions;
   run.seed = seed;
