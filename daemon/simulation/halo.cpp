@@ -133,16 +133,20 @@ HaloLibrary::Count HaloLibrary::count_photons(const HaloRun& run, std::uint64_t 
 }
 
 HaloLibrary::HaloLibrary(const std::vector<HaloRun>& runs, std::uint64_t photons, std::uint64_t seed,
-                         int workers, const std::function<void(int, int)>& progress)
+                         int workers, const std::function<void(int, int)>& progress,
+                         const std::stop_token& stop)
     : counts_(runs.size()) {
   int done = 0;
   std::mutex mutex;
-  for_each_index(static_cast<int>(runs.size()), workers, [&](int i) {
-    const auto run = static_cast<size_t>(i);
-    counts_[run] = count_photons(runs[run], photons, seed * 1000 + run);
-    const std::lock_guard lock(mutex);
-    progress(++done, static_cast<int>(runs.size()));
-  });
+  for_each_index(
+      static_cast<int>(runs.size()), workers,
+      [&](int i) {
+        const auto run = static_cast<size_t>(i);
+        counts_[run] = count_photons(runs[run], photons, seed * 1000 + run);
+        const std::lock_guard lock(mutex);
+        progress(++done, static_cast<int>(runs.size()));
+      },
+      stop);
   std::sort(counts_.begin(), counts_.end(), [](const Count& a, const Count& b) { return a.q < b.q; });
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <stop_token>
 #include <vector>
 
 namespace lampglow::simulation {
@@ -45,9 +46,10 @@ class HaloLibrary {
   // Lamps behind more than this are not drawn: their light is part of the sky's.
   static constexpr double kThickest = 12;
 
-  // Counts photons for each run, in `workers` threads; progress(done, of) is called as they end.
+  // Counts photons for each run, in `workers` threads; progress(done, of) is called as they end. After a stop
+  // it holds only a part of the runs and is good for nothing.
   HaloLibrary(const std::vector<HaloRun>& runs, std::uint64_t photons, std::uint64_t seed, int workers,
-              const std::function<void(int, int)>& progress);
+              const std::function<void(int, int)>& progress, const std::stop_token& stop = {});
 
   // For the run whose q is this one (or the next above it), and T = σR > 0.
   HaloProfile profile(double q, double thickness) const;

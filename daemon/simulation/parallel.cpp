@@ -1,5 +1,6 @@
 #include "daemon/simulation/parallel.h"
 
+#include <algorithm>
 #include <atomic>
 #include <exception>
 #include <mutex>
@@ -8,12 +9,15 @@
 
 namespace lampglow::simulation {
 
-void for_each_index(int count, int workers, const std::function<void(int)>& work) {
+int for_each_index(int count, int workers, const std::function<void(int)>& work,
+                   const std::stop_token& stop) {
   std::atomic<int> next = 0;
   std::exception_ptr failure;
   std::mutex failure_mutex;
   auto run = [&] {
-    for (int i = next++; i < count; i = next++) {
+    while (!stop.stop_requested()) {
+      const int i = next++;
+      if (i >= count) return;
       try {
         work(i);
       } catch (...) {
@@ -29,6 +33,7 @@ void for_each_index(int count, int workers, const std::function<void(int)>& work
     run();
   }
   if (failure) std::rethrow_exception(failure);
+  return std::min(next.load(), count);
 }
 
 }  // namespace lampglow::simulation

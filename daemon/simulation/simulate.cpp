@@ -83,11 +83,15 @@ class ArchiveMaker {
       exposures_s.assign(kNightBracket_s.begin(), kNightBracket_s.end());
     bounds_[index] = bound_of_ln_extinction(night_, frame, halos_, sensor_, exposures_s);
   }
-  void write_tables() const {
-    write_site(directory_ / "site.toml", night_, sensor_);
-    write_frames(directory_ / "frames.csv", night_, records_);
-    write_truth(directory_ / "truth.csv", night_, bounds_);
-    write_full_truth(directory_ / "truth_full.csv", night_, bounds_, exposures_s_);
+
+  // Of the first `count` frames.
+  void write_tables(size_t count) const {
+    Night taken = night_;
+    taken.frames.resize(count);
+    write_site(directory_ / "site.toml", taken, sensor_);
+    write_frames(directory_ / "frames.csv", taken, records_);
+    write_truth(directory_ / "truth.csv", taken, bounds_);
+    write_full_truth(directory_ / "truth_full.csv", taken, bounds_, exposures_s_);
   }
 
  private:
@@ -134,24 +138,34 @@ class ArchiveMaker {
 
 }  // namespace
 
-void simulate_night(const NightOptions& options, const SimulationRun& run, const Progress& progress) {
+int simulate_night(const NightOptions& options, const SimulationRun& run, const Progress& progress,
+                   const std::stop_token& stop) {
   cv::setNumThreads(1);  // frames are made in parallel already
   std::filesystem::create_directories(run.directory / "images");
   const Night night = plan_night(options);
   // With cut-off luminaires only cars have even halos.
   const std::uint64_t photons = options.luminaire == Luminaire::even ? run.photons : run.photons / 10;
-  const HaloLibrary halos(halo_runs(night), photons, options.seed, run.workers,
-                          [&](int done, int of) { progress("counting photons", done, of); });
+  const HaloLibrary halos(
+      halo_runs(night), photons, options.seed, run.workers,
+      [&](int done, int of) { progress("counting photons", done, of); }, stop);
+  if (stop.stop_requested()) {
+    std::filesystem::remove(run.directory / "images");
+    return 0;
+  }
   ArchiveMaker maker(night, halos, run.directory);
   int done = 0;
   std::mutex mutex;
   const int count = static_cast<int>(night.frames.size());
-  for_each_index(count, run.workers, [&](int i) {
-    maker.make_frame(static_cast<size_t>(i));
-    const std::lock_guard lock(mutex);
-    progress("taking pictures", ++done, count);
-  });
-  maker.write_tables();
+  const int taken = for_each_index(
+      count, run.workers,
+      [&](int i) {
+        maker.make_frame(static_cast<size_t>(i));
+        const std::lock_guard lock(mutex);
+        progress("taking pictures", ++done, count);
+      },
+      stop);
+  maker.write_tables(static_cast<size_t>(taken));
+  return std::max(0, taken - night.references);
 }
 
 }  // namespace lampglow::simulation

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <stop_token>
 #include <string>
 
 #include "daemon/simulation/night.h"
@@ -20,6 +21,9 @@ struct SimulationRun {
 using Progress = std::function<void(const std::string& stage, int done, int of)>;
 
 // Writes the night's archive. The same options give the same bytes, for any number of workers.
-void simulate_night(const NightOptions& options, const SimulationRun& run, const Progress& progress);
+// After a stop the frames that were done, references first, are a whole archive with their truth; while
+// photons are still counted, nothing is left in the directory. Returns the number of observations written.
+int simulate_night(const NightOptions& options, const SimulationRun& run, const Progress& progress,
+                   const std::stop_token& stop = {});
 
 }  // namespace lampglow::simulation
