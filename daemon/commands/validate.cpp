@@ -4,12 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <memory>
 #include <numbers>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
@@ -17,9 +14,9 @@
 #include "daemon/commands/svg_plot.h"
 #include "daemon/commands/threads.h"
 #include "daemon/commands/validation.h"
-#include "daemon/errors.h"
+#include "daemon/commands/validation_scene.h"
+#include "daemon/config/pending_file.h"
 #include "estimator/scattering/camera_monte_carlo.h"
-#include "estimator/scattering/glow_renderer.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -170,122 +167,47 @@ std::string hidden_part_table(const Options& options, double thickness) {
   return html + "</table>\n";
 }
 
-std::string base64(const std::vector<unsigned char>& bytes) {
-  constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t left = std::min<std::size_t>(3, bytes.size() - i);
-    unsigned word = 0;
-    for (std::size_t k = 0; k < 3; ++k) word = (word << 8) | (k < left ? bytes[i + k] : 0u);
-    for (std::size_t k = 0; k < 4; ++k) out += k <= left ? digits[(word >> (18 - 6 * k)) & 63u] : '=';
-  }
-  return out;
-}
+constexpr const char* kHead =
+    "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>lampglow: the scattering "
+    "models</title>"
+    "<style>body{font:15px sans-serif;max-width:1120px;margin:1em auto;padding:0 1em}"
+    "svg{width:520px;max-width:100%}svg text{font:11px sans-serif}.title{font-weight:bold!important}"
+    ".grid{stroke:#ddd}table{border-collapse:collapse}"
+    "td,th{border:1px solid #ccc;padding:2px 7px;text-align:right}.fit{color:#777}"
+    "figure{display:inline-block;margin:4px}img{width:520px;max-width:100%;image-rendering:pixelated}"
+    "</style></head><body>\n<h1>The scattering models against photons</h1>\n";
 
-constexpr int kSceneWidth = 480, kSceneHeight = 270;
-
-// Two rows of lamps along a road, nearer ones larger and brighter, a dim sky.
-struct NightScene {
-  std::vector<float> radiance = std::vector<float>(kSceneWidth * kSceneHeight, 0.001f);
-  std::vector<float> depth_m = std::vector<float>(kSceneWidth * kSceneHeight, 400.0f);
-
-  NightScene() {
-    for (const double distance : {40.0, 60.0, 90.0, 140.0, 220.0, 350.0})
-      for (const int side : {-1, 1}) {
-        const double x = kSceneWidth / 2 + side * 7000 / distance, y = kSceneHeight * 0.55 - 3500 / distance;
-        const int size = distance < 80 ? 2 : 1;
-        for (int dy = 0; dy < size; ++dy)
-          for (int dx = 0; dx < size; ++dx) {
-            const auto at =
-                static_cast<std::size_t>((static_cast<int>(y) + dy) * kSceneWidth + static_cast<int>(x) + dx);
-            radiance[at] = static_cast<float>(3e6 / (distance * distance) / (size * size));
-          }
-      }
-    // Each row of the picture has one distance, the road's: lamps hang at theirs.
-    for (int row = 0; row < kSceneHeight; ++row) {
-      const double below = kSceneHeight * 0.55 - row;
-      const double distance = below > 0 ? std::clamp(3500 / below, 36.0, 400.0) : 400;
-      std::fill_n(depth_m.begin() + row * kSceneWidth, kSceneWidth, static_cast<float>(distance));
-    }
-  }
-};
-
-std::string picture(const std::vector<float>& radiance, const std::string& caption) {
-  cv::Mat shown(kSceneHeight, kSceneWidth, CV_8U);
-  for (int row = 0; row < kSceneHeight; ++row)
-    for (int column = 0; column < kSceneWidth; ++column) {
-      // Four decades, logarithmic: glow spans more than any screen.
-      const float value = radiance[static_cast<std::size_t>(row * kSceneWidth + column)];
-      shown.at<unsigned char>(row, column) =
-          cv::saturate_cast<unsigned char>(255 * (std::log10(std::max(value, 1e-6f)) + 2.3f) / 4);
-    }
-  std::vector<unsigned char> png;
-  cv::imencode(".png", shown, png);
+std::string hidden_parts(const Options& options) {
+  using Kind = scattering::LampEmission::Kind;
   return fmt::format(
-      "<figure><img alt='{}' src='data:image/png;base64,{}'><figcaption>{}</figcaption></figure>\n", caption,
-      base64(png), caption);
-}
-
-std::string rendered_scene() {
-  const NightScene scene;
-  std::string html =
-      "<h2>One scene, single and multiple scattering</h2>\n<p>Twelve lamps at 40 to 350 m, q = 0.9, four "
-      "decades of radiance on a logarithmic scale.</p>\n" +
-      picture(scene.radiance, "clear");
-  for (const double extinction : {0.004, 0.02})
-    for (const bool single : {true, false}) {
-      scattering::RenderOptions fog;
-      fog.medium = {extinction, 1, 0.9};
-      fog.focal_length_px = 600;
-      fog.single_only = single;
-      std::vector<float> out(scene.radiance.size());
-      scattering::render_glow(scene.radiance, kSceneWidth, kSceneHeight, scene.depth_m, 0, fog, out);
-      html +=
-          picture(out, fmt::format("{}, MOR {:.0f} m, {} scattering", extinction < 0.01 ? "mild" : "dense",
-                                   scattering::meteorological_optical_range_m(extinction),
-                                   single ? "single" : "multiple"));
-    }
-  return html;
+             "<h2>Source visibility</h2>\n<p>A part of the lamp is hidden, as the lecture has it: light "
+             "leaves only into the sector of this opening, centred on straight up as the camera sees it; "
+             "mean "
+             "over whole rings. All have the same direct beam. Path-traced, {} paths a ring.</p>\n",
+             options.checks.paths) +
+         source_visibility(options, Kind::sector, 1.2) + source_visibility(options, Kind::sector, 4) +
+         "<p>Round the lamp, clockwise from straight up, the glow sits where the light goes; the thicker the "
+         "fog, the less so.</p>\n" +
+         hidden_part_table(options, 1.2) + hidden_part_table(options, 4) +
+         "<p>The lamp's light leaves a cone about the line to the camera, of this full angle.</p>\n" +
+         source_visibility(options, Kind::cone, 1.2) + source_visibility(options, Kind::cone, 4);
 }
 
 void run(const Options& options) {
-  std::ofstream file(options.out);
-  if (!file) throw IoError(fmt::format("validate: cannot write {}", options.out));
-  file << "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>lampglow: the scattering "
-          "models</title>"
-          "<style>body{font:15px sans-serif;max-width:1120px;margin:1em auto;padding:0 "
-          "1em}svg{width:520px;max-width:100%}"
-          "svg text{font:11px "
-          "sans-serif}.title{font-weight:bold!important}.grid{stroke:#ddd}table{border-collapse:"
-          "collapse}td,th{border:1px solid #ccc;padding:2px "
-          "7px;text-align:right}.fit{color:#777}figure{display:inline-"
-          "block;margin:4px}img{width:520px;max-width:100%;image-rendering:pixelated}</style></head><body>\n"
-          "<h1>The scattering models against photons</h1>\n";
-  file << fmt::format(
+  PendingFile file(options.out);  // told now if it cannot be written, not after minutes
+  file.write(kHead);
+  file.write(fmt::format(
       "<p>{} photons for each q, seed {}; an even lamp in an infinite homogeneous medium, Henyey-Greenstein, "
-      "no "
-      "absorption. The same options give the same report.</p>\n",
-      options.checks.photons, options.checks.seed);
+      "no absorption. The same options give the same report.</p>\n",
+      options.checks.photons, options.checks.seed));
   std::fputs("photons and fits...\n", stderr);
-  file << concentrations(options);
-  file << "<h2>Mild and dense weather</h2>\n" << weather(1.2, "Mild") << weather(4, "Dense");
+  file.write(concentrations(options));
+  file.write("<h2>Mild and dense weather</h2>\n" + weather(1.2, "Mild") + weather(4, "Dense"));
   std::fputs("source visibility...\n", stderr);
-  using Kind = scattering::LampEmission::Kind;
-  file
-      << "<h2>Source visibility</h2>\n<p>A part of the lamp is hidden, as the lecture has it: light leaves "
-         "only into the sector of this opening, centred on straight up as the camera sees it; mean over "
-         "whole rings. All have the same direct beam. Path-traced, "
-      << options.checks.paths << " paths a ring.</p>\n"
-      << source_visibility(options, Kind::sector, 1.2) << source_visibility(options, Kind::sector, 4)
-      << "<p>Round the lamp, clockwise from straight up, the glow sits where the light goes; the thicker the "
-         "fog, the less so.</p>\n"
-      << hidden_part_table(options, 1.2) << hidden_part_table(options, 4)
-      << "<p>The lamp's light leaves a cone about the line to the camera, of this full angle.</p>\n"
-      << source_visibility(options, Kind::cone, 1.2) << source_visibility(options, Kind::cone, 4);
+  file.write(hidden_parts(options));
   std::fputs("pictures...\n", stderr);
-  file << rendered_scene() << "</body></html>\n";
-  file.close();
-  if (!file) throw IoError(fmt::format("validate: cannot write {}", options.out));
+  file.write(rendered_scene() + "</body></html>\n");
+  file.publish();
   fmt::print("{}\n", options.out);
 }
 

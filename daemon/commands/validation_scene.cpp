@@ -1,0 +1,86 @@
+#include "daemon/commands/validation_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <vector>
+
+#include "daemon/config/base64.h"
+#include "estimator/scattering/glow_renderer.h"
+#include "estimator/scattering/medium.h"
+
+namespace lampglow::daemon {
+namespace {
+
+constexpr int kSceneWidth = 480, kSceneHeight = 270;
+
+// Two rows of lamps along a road, nearer ones larger and brighter, a dim sky.
+struct NightScene {
+  std::vector<float> radiance = std::vector<float>(kSceneWidth * kSceneHeight, 0.001f);
+  std::vector<float> depth_m = std::vector<float>(kSceneWidth * kSceneHeight, 400.0f);
+
+  NightScene() {
+    for (const double distance : {40.0, 60.0, 90.0, 140.0, 220.0, 350.0})
+      for (const int side : {-1, 1}) {
+        const double x = kSceneWidth / 2 + side * 7000 / distance, y = kSceneHeight * 0.55 - 3500 / distance;
+        const int size = distance < 80 ? 2 : 1;
+        for (int dy = 0; dy < size; ++dy)
+          for (int dx = 0; dx < size; ++dx) {
+            const auto at =
+                static_cast<std::size_t>((static_cast<int>(y) + dy) * kSceneWidth + static_cast<int>(x) + dx);
+            radiance[at] = static_cast<float>(3e6 / (distance * distance) / (size * size));
+          }
+      }
+    // Each row of the picture has one distance, the road's: lamps hang at theirs.
+    for (int row = 0; row < kSceneHeight; ++row) {
+      const double below = kSceneHeight * 0.55 - row;
+      const double distance = below > 0 ? std::clamp(3500 / below, 36.0, 400.0) : 400;
+      std::fill_n(depth_m.begin() + row * kSceneWidth, kSceneWidth, static_cast<float>(distance));
+    }
+  }
+};
+
+std::string picture(const std::vector<float>& radiance, const std::string& caption) {
+  cv::Mat shown(kSceneHeight, kSceneWidth, CV_8U);
+  for (int row = 0; row < kSceneHeight; ++row)
+    for (int column = 0; column < kSceneWidth; ++column) {
+      // Four decades, logarithmic: glow spans more than any screen.
+      const float value = radiance[static_cast<std::size_t>(row * kSceneWidth + column)];
+      shown.at<unsigned char>(row, column) =
+          cv::saturate_cast<unsigned char>(255 * (std::log10(std::max(value, 1e-6f)) + 2.3f) / 4);
+    }
+  std::vector<unsigned char> png;
+  cv::imencode(".png", shown, png);
+  return fmt::format(
+      "<figure><img alt='{}' src='data:image/png;base64,{}'><figcaption>{}</figcaption></figure>\n", caption,
+      base64(png), caption);
+}
+
+}  // namespace
+
+std::string rendered_scene() {
+  const NightScene scene;
+  std::string html =
+      "<h2>One scene, single and multiple scattering</h2>\n<p>Twelve lamps at 40 to 350 m, q = 0.9, four "
+      "decades of radiance on a logarithmic scale.</p>\n" +
+      picture(scene.radiance, "clear");
+  for (const double extinction : {0.004, 0.02})
+    for (const bool single : {true, false}) {
+      scattering::RenderOptions fog;
+      fog.medium = {extinction, 1, 0.9};
+      fog.focal_length_px = 600;
+      fog.single_only = single;
+      std::vector<float> out(scene.radiance.size());
+      scattering::render_glow(scene.radiance, kSceneWidth, kSceneHeight, scene.depth_m, 0, fog, out);
+      html +=
+          picture(out, fmt::format("{}, MOR {:.0f} m, {} scattering", extinction < 0.01 ? "mild" : "dense",
+                                   scattering::meteorological_optical_range_m(extinction),
+                                   single ? "single" : "multiple"));
+    }
+  return html;
+}
+
+}  // namespace lampglow::daemon
