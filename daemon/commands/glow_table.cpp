@@ -1,12 +1,13 @@
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 
 #include "daemon/commands/commands.h"
 #include "daemon/commands/threads.h"
-#include "daemon/errors.h"
+#include "daemon/config/pending_file.h"
 #include "estimator/scattering/glow_table_builder.h"
 
 namespace lampglow::daemon {
@@ -19,14 +20,16 @@ struct Options {
 };
 
 void run(const Options& options) {
+  PendingFile out(options.out);  // told now if it cannot be written, not after minutes
+  const bool terminal = isatty(STDERR_FILENO) != 0;
   std::atomic<std::size_t> done{0};
-  const auto progress = [&done](std::size_t total) { std::fprintf(stderr, "\rq %zu of %zu", ++done, total); };
+  const auto progress = [&](std::size_t total) {
+    const std::size_t solved = ++done;
+    if (terminal) std::fprintf(stderr, "\rq %zu of %zu%s", solved, total, solved == total ? "\n" : "");
+  };
   const auto file = scattering::build_glow_table(options.grid, threads(options.threads), progress);
-  std::fputc('\n', stderr);
-  std::ofstream stream(options.out, std::ios::binary);
-  stream.write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
-  stream.close();
-  if (!stream) throw IoError("glow-table: cannot write " + options.out);
+  out.write({reinterpret_cast<const char*>(file.data()), file.size()});
+  out.publish();
   std::printf("%s: %zu bytes\n", options.out.c_str(), file.size());
 }
 
@@ -43,12 +46,15 @@ void add_glow_table(CLI::App& program) {
   command->add_option("--albedo-nodes", options->grid.albedo_nodes, "Grid in the albedo")
       ->check(nodes)
       ->capture_default_str();
-  command->add_option("--q-nodes", options->grid.q_nodes, "Grid in q")->check(nodes)->capture_default_str();
+  // Two nodes beyond each end must be where there is a solution: q up to 0.98, an angle below 180°.
+  command->add_option("--q-nodes", options->grid.q_nodes, "Grid in q")
+      ->check(CLI::Range(19, 120))
+      ->capture_default_str();
   command->add_option("--thickness-nodes", options->grid.thickness_nodes, "Grid in ln T")
       ->check(nodes)
       ->capture_default_str();
   command->add_option("--theta-nodes", options->grid.theta_nodes, "Grid in ln theta")
-      ->check(nodes)
+      ->check(CLI::Range(28, 120))
       ->capture_default_str();
   command->footer("Example:\n  lampglow glow-table estimator/scattering/glow_table.bin");
   command->callback([options] { run(*options); });

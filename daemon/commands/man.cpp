@@ -53,10 +53,20 @@ std::string options_section(const CLI::App& command) {
     const std::string value = option->get_positional() || option->get_items_expected_max() == 0
                                   ? ""
                                   : " \\fI" + roff(option->get_type_name()) + "\\fR";
-    text += fmt::format(".TP\n\\fB{}\\fR{}\n{}\n", roff(name), value, roff(option->get_description()));
-    if (!option->get_default_str().empty()) text += roff("Default: " + option->get_default_str() + ".\n");
+    text += fmt::format(".TP\n\\fB{}\\fR{}\n{}", roff(name), value, roff(option->get_description()));
+    if (!option->get_default_str().empty()) text += roff(" (default: " + option->get_default_str() + ")");
+    text += "\n";
   }
   return text.empty() ? "" : ".SH OPTIONS\n" + text;
+}
+
+// `db` has commands of its own.
+std::string subcommands_section(const CLI::App& command) {
+  std::string text;
+  for (const CLI::App* part : visible_commands(command))
+    text += fmt::format(".TP\n\\fB{}\\fR{}\n{}\n", roff(part->get_name()), synopsis(*part),
+                        roff(part->get_description()));
+  return text.empty() ? "" : ".SH COMMANDS\n" + text;
 }
 
 std::string footer_section(const CLI::App& command) {
@@ -92,7 +102,7 @@ std::string command_page(const CLI::App& command) {
              ".TH {} 1 \"\" \"lampglow {}\"\n.SH NAME\n{} \\- {}\n.SH SYNOPSIS\n\\fBlampglow {}\\fR{}\n",
              roff(title), LAMPGLOW_VERSION, roff(name), roff(command.get_description()),
              roff(command.get_name()), synopsis(command)) +
-         options_section(command) + footer_section(command) + exit_section() +
+         subcommands_section(command) + options_section(command) + footer_section(command) + exit_section() +
          ".SH SEE ALSO\n\\fBlampglow\\fR(1)\n";
 }
 
@@ -103,20 +113,33 @@ std::string long_options(const CLI::App& command) {
   return text;
 }
 
-std::string bash_completion(const CLI::App& program) {
-  std::string names, cases;
-  for (const CLI::App* command : visible_commands(program)) {
+std::string names_of(const CLI::App& program) {
+  std::string names;
+  for (const CLI::App* command : visible_commands(program))
     names += (names.empty() ? "" : " ") + command->get_name();
-    cases += fmt::format("    {}) words=\"{}\" ;;\n", command->get_name(), long_options(*command));
-  }
+  return names;
+}
+
+// The first word is a command; after it come its options, its own commands (`db check`) and files.
+std::string bash_completion(const CLI::App& program) {
+  std::string cases;
+  for (const CLI::App* command : visible_commands(program))
+    cases += fmt::format("    {}) options=\"{}\" names=\"{}\" ;;\n", command->get_name(),
+                         long_options(*command), names_of(*command));
   return "# bash completion of lampglow; made by `lampglow man --completion`\n_lampglow() {\n"
-         "  local current=\"${COMP_WORDS[COMP_CWORD]}\" words=\"\"\n  if [ \"$COMP_CWORD\" -eq 1 ]; then\n   "
-         " words=\"" +
-         names + " --help\"\n  else\n    case \"${COMP_WORDS[1]}\" in\n" + cases +
-         "    esac\n  fi\n  case \"$current\" in\n    -*) ;;\n    *) [ \"$COMP_CWORD\" -gt 1 ] && words=\"\" "
-         ";;\n  esac\n"
-         "  COMPREPLY=($(compgen -W \"$words\" -- \"$current\"))\n"
-         "  [ -n \"$words\" ] || COMPREPLY=($(compgen -f -- \"$current\"))\n}\n"
+         "  local current=\"${COMP_WORDS[COMP_CWORD]}\" options=\"--help\" names=\"\"\n"
+         "  case \"${COMP_WORDS[1]}\" in\n" +
+         cases +
+         "  esac\n"
+         "  [ \"$COMP_CWORD\" -gt 1 ] || options=\"--help\" names=\"" +
+         names_of(program) +
+         "\"\n"
+         "  case \"$current\" in\n"
+         "    -*) COMPREPLY=($(compgen -W \"$options\" -- \"$current\")) ;;\n"
+         "    *)\n"
+         "      COMPREPLY=($(compgen -W \"$names\" -- \"$current\"))\n"
+         "      [ \"$COMP_CWORD\" -eq 1 ] || COMPREPLY+=($(compgen -f -- \"$current\")) ;;\n"
+         "  esac\n}\n"
          "complete -o filenames -F _lampglow lampglow\n";
 }
 

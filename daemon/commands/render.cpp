@@ -79,6 +79,13 @@ void to_srgb(cv::Mat& channel) {
   });
 }
 
+// Brightness of a float picture has no end that could be white: it is not squeezed into integers.
+void refuse_integers_for_float(const std::string& out, const cv::Mat& clear) {
+  const std::string extension = std::filesystem::path(out).extension().string();
+  if (full_scale(clear) == 0 && extension != ".exr" && extension != ".tif" && extension != ".tiff")
+    throw UsageError(fmt::format("render: {}: a float picture is written as .exr or .tiff", out));
+}
+
 void write_picture(const std::string& path, std::vector<cv::Mat> channels, const cv::Mat& like) {
   const std::string extension = std::filesystem::path(path).extension().string();
   const bool real = extension == ".exr" || full_scale(like) == 0;
@@ -122,6 +129,7 @@ void draw_progress(std::size_t done, std::size_t total) {
 void run(const Options& options) {
   setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);  // Debian's OpenCV has OpenEXR, switched off by default
   const cv::Mat clear = read_picture(options.in);
+  refuse_integers_for_float(options.out, clear);
   std::vector<cv::Mat> channels = linear_channels(clear);
   const std::vector<float> depth = read_depth(options, clear.size());
   scattering::RenderOptions fog;
@@ -162,7 +170,9 @@ void add_render(CLI::App& program) {
   command
       ->add_option("IN", options->in, "Clear picture: EXR, TIFF or PNG; 8-bit is taken as sRGB, else linear")
       ->required();
-  command->add_option("OUT", options->out, "Picture to write; .exr is float, else the depth of IN")
+  command
+      ->add_option("OUT", options->out,
+                   "Picture to write; .exr is float, else as IN: 8 or 16 bits, or float .tiff")
       ->required();
   command->add_option("--mor", options->mor_m, "Visibility as MOR [m]")
       ->required()

@@ -11,6 +11,7 @@
 
 #include "daemon/commands/commands.h"
 #include "daemon/errors.h"
+#include "daemon/replay/stop_on_signal.h"
 
 namespace lampglow::daemon {
 
@@ -29,6 +30,9 @@ struct SimulateArguments {
   bool day = false, night_too = false;
 };
 
+const std::map<std::string, Style> kStyles = {{"bracket", Style::bracket}, {"webcam", Style::webcam}};
+const std::map<std::string, Luminaire> kLuminaires = {{"even", Luminaire::even},
+                                                      {"cutoff", Luminaire::cutoff}};
 const std::map<std::string, bool Nuisances::*> kNuisances = {
     {"gain-drift", &Nuisances::gain_drift},
     {"lamp-drift", &Nuisances::lamp_drift},
@@ -92,12 +96,16 @@ void run_simulate(SimulateArguments& arguments) {
   if (arguments.day)
     arguments.night.hours = arguments.night_too ? simulation::Hours::both : simulation::Hours::day;
   refuse_bad_combinations(arguments);
+  const StopOnSignal stop;
+  int written = 0;
   try {
-    simulation::simulate_night(arguments.night, arguments.run, show_progress);
+    written = simulation::simulate_night(arguments.night, arguments.run, show_progress, stop.token());
   } catch (const fs::filesystem_error& error) {
     throw IoError(std::string("simulate: ") + error.what());
   }
-  fmt::print("{}: {} observations, {}, seed {}\n", arguments.run.directory.string(), arguments.night.frames,
+  if (stop.token().stop_requested())
+    fmt::print(stderr, "lampglow: stopped; an archive of the frames that were done is kept\n");
+  fmt::print("{}: {} observations, {}, seed {}\n", arguments.run.directory.string(), written,
              arguments.night.style == Style::bracket ? "brackets of three exposures" : "webcam pictures",
              arguments.night.seed);
 }
@@ -116,17 +124,16 @@ void add_simulate(CLI::App& program) {
       ->check(CLI::Range(1, 2000))
       ->capture_default_str();
   command
-      ->add_option("--style", night.style,
-                   "bracket: 12 bit, three exposures; webcam: 8-bit sRGB JPEG, saturated")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Style>{{"bracket", Style::bracket}, {"webcam", Style::webcam}}))
+      ->add_option_function<std::string>(
+          "--style", [&night](const std::string& name) { night.style = kStyles.at(name); },
+          "bracket: 12 bit, three exposures; webcam: 8-bit sRGB JPEG, saturated")
+      ->check(CLI::IsMember({"bracket", "webcam"}))
       ->default_str("bracket");
   command
-      ->add_option(
-          "--luminaire", night.luminaire,
+      ->add_option_function<std::string>(
+          "--luminaire", [&night](const std::string& name) { night.luminaire = kLuminaires.at(name); },
           "even: the same light all round; cutoff: a disc that faces down over a ground of albedo 0.2 (slow)")
-      ->transform(CLI::CheckedTransformer(
-          std::map<std::string, Luminaire>{{"even", Luminaire::even}, {"cutoff", Luminaire::cutoff}}))
+      ->check(CLI::IsMember({"even", "cutoff"}))
       ->default_str("even");
   command->add_flag("--day", arguments->day, "By day: dark targets against the horizon sky");
   command->add_flag("--night", arguments->night_too, "With --day: the whole 24 hours");

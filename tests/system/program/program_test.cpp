@@ -68,6 +68,39 @@ TEST(Program, BadUsageExits64WithAMessage) {
   }
 }
 
+TEST(Program, AMistypedCommandIsToldWithTheNearest) {
+  EXPECT_EQ(run_program({"reply", "x"}).err,
+            "lampglow: no command \"reply\"; did you mean replay?\nRun with --help for more information.\n");
+  EXPECT_THAT(run_program({"simulate", "x", "--style", "film"}).err,
+              HasSubstr("film not in {bracket,webcam}"));
+}
+
+TEST(Program, RenderKeepsADepthAndSqueezesNoFloatIntoIntegers) {
+  const TemporaryFolder folder;
+  const auto render = [&](const std::string& in, const std::string& out) {
+    return run_program({"render", (folder.path() / in).string(), (folder.path() / out).string(), "--mor",
+                        "300", "--q", "0.9", "--distance", "100"});
+  };
+  folder.write("real.tiff", encoded(cv::Mat(48, 64, CV_32FC1, cv::Scalar(0.5)), ".tiff"));
+  const ProgramRun refused = render("real.tiff", "out.png");
+  EXPECT_EQ(refused.exit_code, 64);
+  EXPECT_THAT(refused.err, HasSubstr("out.png: a float picture is written as .exr or .tiff"));
+  folder.write("deep.png", encoded(small_picture(CV_16UC1), ".png"));
+  for (const auto& [in, out, type] :
+       {std::tuple{"real.tiff", "out.tiff", CV_32F}, {"deep.png", "out.png", CV_16U}}) {
+    EXPECT_EQ(render(in, out).exit_code, 0) << out;
+    EXPECT_EQ(cv::imread((folder.path() / out).string(), cv::IMREAD_UNCHANGED).depth(), type) << out;
+  }
+}
+
+TEST(Program, WhatCannotBeWrittenIsToldBeforeTheWork) {
+  for (const char* command : {"validate", "glow-table"}) {
+    const ProgramRun run = run_program({command, "/no/such/folder/out"});
+    EXPECT_EQ(run.exit_code, 74) << command;
+    EXPECT_THAT(run.err, HasSubstr("/no/such/folder/out")) << command;
+  }
+}
+
 TEST(Program, EveryCommandHasHelpWithAnExampleAndAManPage) {
   const std::string help = run_program({"--help"}).out;
   const TemporaryFolder folder;
@@ -86,6 +119,23 @@ TEST(Program, EveryCommandHasHelpWithAnExampleAndAManPage) {
   }
   EXPECT_GE(commands, 4);
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "lampglow.1"));
+}
+
+TEST(Program, TheShellCompletesCommandsOptionsAndFiles) {
+  const TemporaryFolder folder;
+  folder.write("completion", run_program({"man", "--completion"}).out);
+  folder.write("archive.toml", "");
+  const auto completed = [&](const std::string& words, int current) {
+    const std::string script = "cd '" + folder.path().string() + "' && . ./completion && COMP_WORDS=(" +
+                               words + ") COMP_CWORD=" + std::to_string(current) +
+                               " && _lampglow && echo \"${COMPREPLY[*]}\" > out";
+    EXPECT_EQ(std::system(("bash -c " + test::shell_quoted(script)).c_str()), 0);
+    return read_all(folder.path() / "out");
+  };
+  EXPECT_EQ(completed("lampglow rep", 1), "replay\n");
+  EXPECT_EQ(completed("lampglow replay --w", 2), "--workers\n");
+  EXPECT_EQ(completed("lampglow replay arch", 2), "archive.toml\n");
+  EXPECT_EQ(completed("lampglow db ch", 2), "check\n");
 }
 
 TEST(Program, TheDocumentedQualityFlagsAreTheRegistrys) {
@@ -206,25 +256,34 @@ TEST(Program, JsonIsAllThatIsPrinted) {
   EXPECT_EQ(run.out.substr(run.out.size() - 2), "}\n");
 }
 
+// Starts the program, presses Ctrl-C once `sign` exists, and waits for its end. Returns waitpid's status.
+int interrupted_run(std::vector<std::string> arguments, const std::filesystem::path& sign) {
+  std::vector<char*> argv{const_cast<char*>(LAMPGLOW_BINARY)};
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    ::freopen("/dev/null", "w", stdout);
+    ::freopen("/dev/null", "w", stderr);
+    ::execv(LAMPGLOW_BINARY, argv.data());
+    ::_exit(127);
+  }
+  for (int i = 0; i < 6000 && !std::filesystem::exists(sign); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  ::kill(child, SIGINT);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return status;
+}
+
 // Ctrl-C in the middle: a clean end, and what was done is stored.
 TEST(Program, AnInterruptStoresWhatWasDone) {
   const TemporaryFolder folder;
   write_archive(folder, 1400);
   const auto csv = folder.path() / "out.csv", database = folder.path() / "out.db";
-  const pid_t child = ::fork();
-  if (child == 0) {
-    ::freopen("/dev/null", "w", stdout);
-    ::freopen("/dev/null", "w", stderr);
-    ::execl(LAMPGLOW_BINARY, LAMPGLOW_BINARY, "replay", folder.path().c_str(), "--csv", csv.c_str(), "--db",
-            database.c_str(), nullptr);
-    ::_exit(127);
-  }
   // The database is made once the first frames are on their way.
-  for (int i = 0; i < 6000 && !std::filesystem::exists(database); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  ::kill(child, SIGINT);
-  int status = 0;
-  ::waitpid(child, &status, 0);
+  const int status = interrupted_run(
+      {"replay", folder.path().string(), "--csv", csv.string(), "--db", database.string()}, database);
   EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
   const auto lines = lines_of(read_all(csv));
   ASSERT_GE(lines.size(), 1U);
@@ -241,6 +300,31 @@ TEST(Program, AnInterruptStoresWhatWasDone) {
   query.limit = 2000;
   EXPECT_EQ(reader.observations(query).size() + 1, lines.size())
       << "the database and the CSV hold the same frames";
+}
+
+TEST(Program, AnInterruptedSimulationIsAWholeArchive) {
+  const TemporaryFolder folder;
+  const auto night = folder.path() / "night";
+  const int status = interrupted_run({"simulate", night.string(), "--style", "webcam", "--frames", "500",
+                                      "--photons", "1000", "--workers", "2"},
+                                     night / "images/0003.jpg");
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  const std::size_t frames = lines_of(read_all(night / "frames.csv")).size() - 1;
+  EXPECT_GE(frames, 4U);
+  EXPECT_LT(frames, 502U) << "it was not interrupted";
+  EXPECT_EQ(lines_of(read_all(night / "truth.csv")).size() - 1, frames - 2);
+  using Files = std::filesystem::directory_iterator;
+  EXPECT_EQ(static_cast<std::size_t>(std::distance(Files(night / "images"), Files())), frames);
+  EXPECT_EQ(run_program({"check-config", (night / "site.toml").string()}).exit_code, 0);
+}
+
+TEST(Program, ASimulationThatIsStoppedBeforeItsFirstFrameLeavesNothing) {
+  const TemporaryFolder folder;
+  const auto night = folder.path() / "night";
+  const int status = interrupted_run({"simulate", night.string(), "--frames", "40", "--photons", "300000"},
+                                     night / "images");
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+  EXPECT_TRUE(std::filesystem::is_empty(night));
 }
 
 }  // namespace
