@@ -93,6 +93,32 @@ TEST_F(MainJob, ThePastHourIsPartOfPresentWeather) {
   EXPECT_GT(after_fog, 0) << "the night has mist or haze within an hour after fog";
 }
 
+// A real day of a camera of which nothing is known: each of the 90 frames has a record and a reason, and no
+// number is made up.
+TEST(RealDay, EveryFrameHasARecordAndNoneAnInventedNumber) {
+  const std::filesystem::path day =
+      std::filesystem::path(LAMPGLOW_SOURCE_DIR) / "../shared/data/debilt-2015-10-09";
+  if (!std::filesystem::exists(day)) GTEST_SKIP() << day << " is not there";
+  const TempFolder folder;
+  const auto csv = folder.path() / "day.csv";
+  const ProgramRun run =
+      run_program({"replay", day.string(), "--truth", (day / "truth.csv").string(), "--csv", csv.string()});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out,
+              HasSubstr("90 of 90 frames done: 0 values, 0 limits, 90 without a value; 0 bad frames"));
+  EXPECT_THAT(run.out, HasSubstr("43 without a value: the site file lists no day targets"));
+  EXPECT_THAT(run.out, HasSubstr("47 without a value: the site file lists no lamps"));
+  std::istringstream rows(read_all(csv));
+  std::string row;
+  std::getline(rows, row);
+  int records = 0;
+  for (; std::getline(rows, row); ++records) {
+    EXPECT_THAT(row, HasSubstr(",,,,,,,,unknown,none,0,")) << "numbers are empty";
+    EXPECT_THAT(row, ::testing::ContainsRegex("daylight|no_reference")) << "there is a reason";
+  }
+  EXPECT_EQ(records, 90);
+}
+
 TEST_F(MainJob, AReplayServesItsLastObservation) {
   const int port = free_port();
   Program program({LAMPGLOW_BINARY, "replay", night(), "--serve", "--port", std::to_string(port), "--csv",
