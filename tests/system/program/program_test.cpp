@@ -128,7 +128,7 @@ TEST(Program, TheShellCompletesCommandsOptionsAndFiles) {
   const auto completed = [&](const std::string& words, int current) {
     const std::string script = "cd '" + folder.path().string() + "' && . ./completion && COMP_WORDS=(" +
                                words + ") COMP_CWORD=" + std::to_string(current) +
-                               " && _lampglow && echo \"${COMPREPLY[*]}\" > out";
+                               "; _lampglow; echo \"${COMPREPLY[*]}\" > out";
     EXPECT_EQ(std::system(("bash -c " + test::shell_quoted(script)).c_str()), 0);
     return read_all(folder.path() / "out");
   };
