@@ -26,22 +26,6 @@ std::string obstacle(const Bracket& bracket, const Site& site, const std::option
   return {};
 }
 
-// Where lamps can't be measured, what `calibrate` learned of the night's patches, in the dark.
-bool measured_by_patches(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
-                         const EstimatorOptions& options, FrameResult& result) {
-  constexpr double kDark_deg = -9;
-  if (!site.night || image.empty()) return false;
-  if (site.latitude_deg && site.longitude_deg &&
-      inference::sun_position(bracket.time_utc, *site.latitude_deg, *site.longitude_deg).altitude_deg >
-          kDark_deg) {
-    result.reason = "twilight: too light for what [night] was learned from, too dark for day targets";
-    return false;
-  }
-  inference::measure_patches(image, site.camera, *site.night, options.relative_humidity, options.patches,
-                             result);
-  return true;
-}
-
 std::optional<inference::SunPosition> sun_at(const Bracket& bracket, const Site& site) {
   if (!site.latitude_deg || !site.longitude_deg) return std::nullopt;
   return inference::sun_position(bracket.time_utc, *site.latitude_deg, *site.longitude_deg);
@@ -57,13 +41,40 @@ bool is_monochrome(const Bracket& bracket) {
   return true;
 }
 
+// Where lamps can't be measured, what `calibrate` learned of the night's patches, in the dark.
+void measure_night_patches(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
+                           const EstimatorOptions& options, FrameResult& result) {
+  if (!site.night || image.empty()) return;
+  if (!inference::for_night_patches(altitude_of(sun_at(bracket, site)), is_monochrome(bracket), site))
+    result.reason = "twilight: too light for what [night] was learned from, too dark for day targets";
+  else
+    inference::measure_patches(image, site.camera, *site.night, options.relative_humidity, Method::glow,
+                               options.patches, result);
+}
+
+// The day's part: what `calibrate` learned of the day's patches where that foretells better than targets do,
+// else the targets.
+void estimate_day(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
+                  const EstimatorOptions& options, FrameResult& day) {
+  const auto sun = sun_at(bracket, site);
+  const bool monochrome = is_monochrome(bracket);
+  day.observation.time_utc = bracket.time_utc;
+  if (!image.empty() && inference::for_day_patches(altitude_of(sun), monochrome, site)) {
+    inference::measure_patches(image, site.camera, *site.day_patches, options.relative_humidity,
+                               Method::contrast, options.patches, day);
+    inference::flag_sun(image, sun, options.day, day.observation);
+    if (day.observation.extinction_per_m) return;
+  }
+  inference::measure_day(image, site, sun, monochrome, options.relative_humidity, options.day, day);
+}
+
 // The lamps' part: registration, and the joint fit of their halos.
 void estimate_night(const Bracket& bracket, const photometry::RadianceImage& image, const Site& site,
                     const std::optional<ClearReference>& reference, const EstimatorOptions& options,
                     FrameResult& result) {
   result.reason = obstacle(bracket, site, reference, result.observation.quality);
   if (!result.reason.empty()) {
-    measured_by_patches(bracket, image, site, options, result);
+    measure_night_patches(bracket, image, site, options, result);
     return;
   }
   if (image.empty()) result.reason = image.fault;
@@ -165,14 +176,13 @@ FrameResult estimate(const Bracket& bracket, const Site& site, const std::option
     // A dark picture of lamps is believed against the clock where the site has nothing else to go by.
     const bool lamps = inference::glow_weight(altitude_of(sun), options.combine) > 0 ||
                        (reference && site.targets.empty() && is_dark(image));
-    const bool targets =
-        inference::contrast_weight(altitude_of(sun), options.combine) > 0 && !(lamps && site.targets.empty());
+    const bool patches = inference::for_day_patches(altitude_of(sun), is_monochrome(bracket), site);
+    const bool targets = patches || (inference::contrast_weight(altitude_of(sun), options.combine) > 0 &&
+                                     !(lamps && site.targets.empty()));
     if (lamps) estimate_night(bracket, image, site, reference, options, result);
     if (targets) {
       FrameResult day;
-      day.observation.time_utc = bracket.time_utc;
-      inference::measure_day(image, site, sun, is_monochrome(bracket), options.relative_humidity, options.day,
-                             day);
+      estimate_day(bracket, image, site, options, day);
       merge_day(day, altitude_of(sun), options, result);
     }
     flag_light(sun, options, result.observation);

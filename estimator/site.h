@@ -49,11 +49,12 @@ struct DayCalibration {
   bool colour = false;  // learned from colour pictures: the camera's monochrome night mode is another camera
 };
 
-// What `calibrate` learned of the night where lamps' distances, angle of view and exposure are unknown: how
-// ln σ follows from the brightness of the picture's patches (inference/patches.h). Row by row; all three
-// lists of one length.
-struct NightCalibration {
+// What `calibrate` learned where distances, angle of view and exposure are unknown: how ln σ follows from the
+// picture's patches (inference/patches.h), by night and by day apart. All three lists of one length.
+struct PatchCalibration {
   int patch_px = 32;
+  bool texture = false;  // local contrast of the patches counts too
+  bool colour = false;   // learned from colour pictures: says nothing of the camera's monochrome night mode
   double log_extinction_mean = 0;
   double log_extinction_sigma = 0;                         // error that cross-validation found, > 0
   double log_extinction_low = 0, log_extinction_high = 0;  // the range it was learned from
@@ -68,7 +69,8 @@ struct Site {
   Camera camera;
   std::vector<Light> lights;
   std::vector<Target> targets;
-  std::optional<NightCalibration> night;
+  std::optional<PatchCalibration> night;
+  std::optional<PatchCalibration> day_patches;
   std::optional<DayCalibration> day;
 };
 

@@ -8,6 +8,7 @@
 
 #include "daemon/sources/archive.h"
 #include "estimator/inference/calibrate_day.h"
+#include "estimator/inference/patches.h"
 #include "estimator/inference/sun.h"
 #include "estimator/photometry/radiance.h"
 #include "estimator/photometry/targets.h"
@@ -15,7 +16,8 @@
 namespace lampglow::daemon {
 namespace {
 
-constexpr double kLeastSun_deg = -3;      // frames to learn from
+constexpr double kLeastSun_deg = -3;  // frames to learn targets from
+constexpr double kLeastSunPatches_deg = -8;
 constexpr double kLeastSunClear_deg = 4;  // frames to find targets in
 constexpr std::size_t kMostClear = 12;
 
@@ -35,7 +37,7 @@ std::vector<DayFrame> daylight_frames(const std::filesystem::path& archive, cons
   for (const ArchiveBracket& entry : read_frames_csv(archive)) {
     const auto mor = mor_of.find(entry.time_utc);
     const auto sun = inference::sun_position(entry.time_utc, *site.latitude_deg, *site.longitude_deg);
-    if (mor == mor_of.end() || sun.altitude_deg < kLeastSun_deg) continue;
+    if (mor == mor_of.end() || sun.altitude_deg < kLeastSunPatches_deg) continue;
     frames.push_back({entry, mor->second, sun.altitude_deg});
   }
   return frames;
@@ -129,6 +131,43 @@ std::string describe(const inference::DayLearning& learning, double least_mor_m,
   return text;
 }
 
+// The picture's patches, if they foretell the hours left out better than the targets do.
+void learn_day_patches(const std::filesystem::path& archive, const std::vector<DayFrame>& frames, bool colour,
+                       const std::optional<inference::DayLearning>& targets, Site& site,
+                       DayCalibrationResult& result) {
+  inference::PatchOptions options;
+  options.texture = true;
+  std::vector<inference::PatchFrame> known;
+  for (const DayFrame& frame : frames) {
+    const Bracket bracket = load_bracket(archive, frame.entry, site.camera);
+    const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera);
+    if (image.empty() || is_colour(bracket) != colour) continue;
+    known.push_back({frame.entry.time_utc,
+                     inference::patch_features(image, site.camera, options.patch_px, options.texture),
+                     std::log(kMorTimesExtinction / frame.mor_m)});
+  }
+  const inference::PatchLearning half_hours = inference::learn_patches(known, options);
+  options.block_s = 3600;
+  const inference::PatchLearning hours = inference::learn_patches(known, options);
+  site.day_patches.reset();
+  if (!half_hours.calibration || !hours.calibration) {
+    result.report += "day: patches: nothing learned: " + half_hours.why_not + hours.why_not + "\n";
+    return;
+  }
+  const bool better =
+      !targets || targets->cross_validated == 0 || hours.median_abs_ln < targets->cross_median_abs_ln;
+  result.report += fmt::format(
+      "day: patches of {} frames: hours left out in turn were foretold with a median |ln(estimate/truth)| of "
+      "{:.2f}, "
+      "half hours with a root mean square of {:.2f}, rank correlation {:.2f}; {}\n",
+      known.size(), hours.median_abs_ln, half_hours.rms_ln, half_hours.correlation,
+      better ? "they answer by day" : "targets foretell better and answer by day");
+  if (!better) return;
+  site.day_patches = half_hours.calibration;
+  site.day_patches->colour = colour;
+  result.learned = true;
+}
+
 }  // namespace
 
 DayCalibrationResult calibrate_day(const std::filesystem::path& archive, const std::vector<Truth>& truths,
@@ -137,7 +176,9 @@ DayCalibrationResult calibrate_day(const std::filesystem::path& archive, const s
     return {
         false,
         "day: nothing learned: latitude_deg and longitude_deg are missing, so day and night can't be told\n"};
-  const std::vector<DayFrame> frames = daylight_frames(archive, truths, site);
+  std::vector<DayFrame> frames = daylight_frames(archive, truths, site);
+  const std::vector<DayFrame> with_twilight = frames;
+  std::erase_if(frames, [](const DayFrame& frame) { return frame.sun_altitude_deg < kLeastSun_deg; });
   if (frames.empty()) return {false, "day: nothing learned: no daylight frame has a known visibility\n"};
 
   const bool known = all_distances_known(site);
@@ -164,14 +205,20 @@ DayCalibrationResult calibrate_day(const std::filesystem::path& archive, const s
                                      learned, site.targets.size(), used.size())};
   }
   std::string why;
-  auto learning = inference::learn_day(used, targets, found.skyline, *day, {}, why);
-  if (!learning) return {false, "day: nothing learned: " + why + "\n"};
-  const auto [least, most] = std::minmax_element(
-      used.begin(), used.end(), [](const auto& a, const auto& b) { return a.mor_m < b.mor_m; });
-  site.targets = learning->targets;
-  site.day = learning->day;
-  site.day->colour = colour;
-  return {true, describe(*learning, least->mor_m, most->mor_m)};
+  const auto learning = inference::learn_day(used, targets, found.skyline, *day, {}, why);
+  DayCalibrationResult result;
+  if (learning) {
+    const auto [least, most] = std::minmax_element(
+        used.begin(), used.end(), [](const auto& a, const auto& b) { return a.mor_m < b.mor_m; });
+    site.targets = learning->targets;
+    site.day = learning->day;
+    site.day->colour = colour;
+    result = {true, describe(*learning, least->mor_m, most->mor_m)};
+  } else {
+    result.report = "day: no targets learned: " + why + "\n";
+  }
+  learn_day_patches(archive, with_twilight, colour, learning, site, result);
+  return result;
 }
 
 }  // namespace lampglow::daemon

@@ -9,12 +9,12 @@
 #include "daemon/sources/archive.h"
 #include "estimator/estimate.h"
 #include "estimator/inference/distances.h"
+#include "estimator/inference/patches.h"
 #include "estimator/inference/sun.h"
 
 namespace lampglow::daemon {
 namespace {
 
-constexpr double kDark_deg = -9;
 constexpr double kClearMor_m = 8000;  // frames this clear stand in for a clear reference
 
 struct NightFrame {
@@ -22,9 +22,9 @@ struct NightFrame {
   double mor_m = 0;
 };
 
-bool is_dark(TimePoint time, const Site& site) {
-  if (!site.latitude_deg || !site.longitude_deg) return true;
-  return inference::sun_position(time, *site.latitude_deg, *site.longitude_deg).altitude_deg < kDark_deg;
+std::optional<double> sun_altitude(TimePoint time, const Site& site) {
+  if (!site.latitude_deg || !site.longitude_deg) return std::nullopt;
+  return inference::sun_position(time, *site.latitude_deg, *site.longitude_deg).altitude_deg;
 }
 
 std::vector<NightFrame> night_frames(const std::filesystem::path& archive, const std::vector<Truth>& truths,
@@ -35,7 +35,8 @@ std::vector<NightFrame> night_frames(const std::filesystem::path& archive, const
   std::vector<NightFrame> frames;
   for (const ArchiveBracket& entry : read_frames_csv(archive)) {
     const auto mor = mor_of.find(entry.time_utc);
-    if (entry.role == FrameRole::observation && mor != mor_of.end() && is_dark(entry.time_utc, site))
+    if (entry.role == FrameRole::observation && mor != mor_of.end() &&
+        inference::for_night_patches(sun_altitude(entry.time_utc, site), false, site))
       frames.push_back({entry, mor->second});
   }
   return frames;
@@ -103,7 +104,8 @@ NightCalibrationResult learn_from_patches(const std::filesystem::path& archive,
   for (const NightFrame& frame : frames) {
     const auto image = photometry::to_radiance(load_bracket(archive, frame.entry, site.camera), site.camera);
     if (image.empty()) continue;
-    known.push_back({frame.entry.time_utc, inference::patch_features(image, site.camera, options.patch_px),
+    known.push_back({frame.entry.time_utc,
+                     inference::patch_features(image, site.camera, options.patch_px, options.texture),
                      std::log(kMorTimesExtinction / frame.mor_m)});
   }
   const inference::PatchLearning learning = inference::learn_patches(known, options);

@@ -166,24 +166,26 @@ Target read_target(ConfigTable& table, const Camera& camera, std::set<std::strin
   return target;
 }
 
-// What `calibrate` learned of the night's patches; three lists of one length.
-NightCalibration read_night(ConfigTable table) {
-  NightCalibration night;
-  night.patch_px = static_cast<int>(table.required_integer("patch_px", 4, 1024));
-  night.log_extinction_mean = table.required_number("log_extinction_mean");
-  night.log_extinction_sigma = table.required_number("log_extinction_sigma", kPositive);
-  night.log_extinction_low = table.required_number("log_extinction_low");
-  night.log_extinction_high = table.required_number("log_extinction_high");
-  for (const auto& [key, list] : {std::pair{"mean", &night.mean}, std::pair{"scale", &night.scale},
-                                  std::pair{"weight", &night.weight}}) {
+// What `calibrate` learned of the picture's patches; three lists of one length.
+PatchCalibration read_patches(ConfigTable table) {
+  PatchCalibration patches;
+  patches.patch_px = static_cast<int>(table.required_integer("patch_px", 4, 1024));
+  patches.texture = table.boolean("texture").value_or(false);
+  patches.colour = table.boolean("colour").value_or(false);
+  patches.log_extinction_mean = table.required_number("log_extinction_mean");
+  patches.log_extinction_sigma = table.required_number("log_extinction_sigma", kPositive);
+  patches.log_extinction_low = table.required_number("log_extinction_low");
+  patches.log_extinction_high = table.required_number("log_extinction_high");
+  for (const auto& [key, list] : {std::pair{"mean", &patches.mean}, std::pair{"scale", &patches.scale},
+                                  std::pair{"weight", &patches.weight}}) {
     if (const auto numbers = table.numbers(key, 0))
       *list = *numbers;
     else if (!table.has(key))
       table.problem(key, "is missing; expected a list of numbers");
   }
-  if (night.mean.size() != night.weight.size() || night.scale.size() != night.weight.size())
+  if (patches.mean.size() != patches.weight.size() || patches.scale.size() != patches.weight.size())
     table.problem("weight", "expected as many numbers as in mean and scale");
-  return night;
+  return patches;
 }
 
 DayCalibration read_day(ConfigTable table, const Camera& camera) {
@@ -249,13 +251,14 @@ std::string format_camera(const Camera& camera, const std::string& response_file
   return text;
 }
 
-std::string format_night(const NightCalibration& night) {
-  return fmt::format("[night]\npatch_px = {}\n", night.patch_px) +
-         line("log_extinction_mean", night.log_extinction_mean) +
-         line("log_extinction_sigma", night.log_extinction_sigma) +
-         line("log_extinction_low", night.log_extinction_low) +
-         line("log_extinction_high", night.log_extinction_high) + format_list("mean", night.mean) +
-         format_list("scale", night.scale) + format_list("weight", night.weight);
+std::string format_patches(std::string_view name, const PatchCalibration& patches) {
+  return fmt::format("[{}]\npatch_px = {}\ntexture = {}\ncolour = {}\n", name, patches.patch_px,
+                     patches.texture, patches.colour) +
+         line("log_extinction_mean", patches.log_extinction_mean) +
+         line("log_extinction_sigma", patches.log_extinction_sigma) +
+         line("log_extinction_low", patches.log_extinction_low) +
+         line("log_extinction_high", patches.log_extinction_high) + format_list("mean", patches.mean) +
+         format_list("scale", patches.scale) + format_list("weight", patches.weight);
 }
 
 std::string format_contrast(const TargetContrast& contrast) {
@@ -288,7 +291,8 @@ Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) 
     site.lights.push_back(read_light(table, site.camera, light_ids));
   for (ConfigTable& table : tables.tables("target"))
     site.targets.push_back(read_target(table, site.camera, target_ids));
-  if (const auto night = tables.table("night")) site.night = read_night(*night);
+  if (const auto night = tables.table("night")) site.night = read_patches(*night);
+  if (const auto patches = tables.table("day_patches")) site.day_patches = read_patches(*patches);
   if (const auto day = tables.table("day")) site.day = read_day(*day, site.camera);
   return site;
 }
@@ -360,7 +364,8 @@ std::string format_site(const Site& site, const std::string& response_file) {
   text += line("latitude_deg", site.latitude_deg) + line("longitude_deg", site.longitude_deg) +
           line("elevation_m", site.elevation_m);
   text += "\n" + format_camera(site.camera, response_file);
-  if (site.night) text += "\n" + format_night(*site.night);
+  if (site.night) text += "\n" + format_patches("night", *site.night);
+  if (site.day_patches) text += "\n" + format_patches("day_patches", *site.day_patches);
   if (site.day) text += "\n" + format_day(*site.day);
   for (const Light& light : site.lights) text += "\n" + format_light(light);
   for (const Target& target : site.targets) text += "\n" + format_target(target);

@@ -176,13 +176,17 @@ std::optional<double> median_radiance(const RadianceImage& image, const PixelBox
   return quantile(values, 0.5);
 }
 
+double saturated_part(const RadianceImage& image) {
+  const auto saturated =
+      std::count_if(image.mask.pixels.begin(), image.mask.pixels.end(),
+                    [](std::uint8_t bits) { return (bits & photometry::kSaturated) != 0; });
+  return static_cast<double>(saturated) / static_cast<double>(image.mask.pixels.size());
+}
+
 DayView view_targets(const RadianceImage& image, const std::vector<Target>& targets,
                      const std::optional<DayCalibration>& day) {
   DayView view;
   const int width = image.radiance.width_px, height = image.radiance.height_px;
-  size_t saturated = 0;
-  for (const std::uint8_t bits : image.mask.pixels) saturated += (bits & photometry::kSaturated) != 0;
-  view.saturated_part = static_cast<double>(saturated) / static_cast<double>(image.mask.pixels.size());
   if (day)
     view.sky = median_radiance(
         image, pixel_box(day->sky_x_px, day->sky_y_px, day->sky_width_px, day->sky_height_px, width, height));

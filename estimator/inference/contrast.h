@@ -33,12 +33,14 @@ struct TargetView {
 struct DayView {
   std::vector<TargetView> targets;  // in the order of the targets asked for
   std::optional<double> sky;        // radiance of [day]'s sky box; empty without one
-  double saturated_part = 0;        // of all pixels, 0..1
 };
 
 // `day` gives the sky box that gradients are measured against; without it each target's own sky serves.
 DayView view_targets(const photometry::RadianceImage& image, const std::vector<Target>& targets,
                      const std::optional<DayCalibration>& day);
+
+// Of all pixels, 0..1.
+double saturated_part(const photometry::RadianceImage& image);
 
 // Median radiance of the pixels of a box that show a picture; a saturated one counts as it is. Empty if
 // fewer than a tenth of them do.

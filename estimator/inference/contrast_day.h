@@ -24,6 +24,9 @@ struct DayOptions {
   double snow_ratio = 0.6;         // near targets brighter than this part of the sky are no dark targets
   double least_sky = 0.04;         // of the camera's full range, where the sun is not known
   double saturated_part = 0.25;    // of the picture: the sun is in it or close to it
+  // Drops on the window take the same part of every texture's contrast, fog takes more of the far ones. By
+  // this much (ln) near textures fall below the fit where the far ones rise above it: rain.
+  double rain_loss = 0.4;
 };
 
 // Is there light enough? Where the place, and so the sun, is unknown, the picture's upper third must tell.
@@ -35,6 +38,10 @@ bool daylight_enough(const photometry::RadianceImage& image, std::optional<SunPo
 void measure_day(const photometry::RadianceImage& image, const Site& site, std::optional<SunPosition> sun,
                  bool monochrome, std::optional<double> relative_humidity, const DayOptions& options,
                  FrameResult& result);
+
+// The flags that need no target: sun low, or in the picture.
+void flag_sun(const photometry::RadianceImage& image, std::optional<SunPosition> sun,
+              const DayOptions& options, Observation& observation);
 
 // The posterior with an error of ln σ folded in that all targets share (normal, one standard deviation).
 std::vector<PosteriorPoint> widened(const std::vector<PosteriorPoint>& posterior, double ln_sigma_error);

@@ -12,7 +12,6 @@ namespace {
 
 constexpr double kFloorPart = 1e-3;   // L_0 over the camera's range
 constexpr double kLeastScale = 0.05;  // of ln L: patches that never change say nothing
-constexpr double kRidges[] = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3};
 constexpr double kFogMor_m = 1000;
 
 struct Standard {
@@ -122,13 +121,10 @@ double rms_of(const std::vector<double>& a, const std::vector<double>& b) {
   return std::sqrt(sum / static_cast<double>(a.size()));
 }
 
-}  // namespace
-
-std::vector<double> patch_features(const photometry::RadianceImage& image, const Camera& camera,
-                                   int patch_px) {
-  const int columns = camera.width_px / patch_px, rows = camera.height_px / patch_px;
-  const double floor = kFloorPart * std::max(image.saturation_radiance, 1e-9);
-  std::vector<double> features;
+// ln(L + L_0) of every patch, row by row.
+std::vector<double> ln_brightness(const photometry::RadianceImage& image, int columns, int rows, int patch_px,
+                                  double floor) {
+  std::vector<double> result;
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column) {
       double sum = 0;
@@ -139,9 +135,121 @@ std::vector<double> patch_features(const photometry::RadianceImage& image, const
           sum += image.radiance.at(x, y);
           ++count;
         }
-      features.push_back(std::log(std::max(count > 0 ? sum / count : 0.0, 0.0) + floor));
+      result.push_back(std::log(std::max(count > 0 ? sum / count : 0.0, 0.0) + floor));
     }
+  return result;
+}
+
+// The picture averaged over 3x3 px; the outermost pixels stay 0.
+std::vector<float> averaged(const photometry::RadianceImage& image) {
+  const int width = image.radiance.width_px, height = image.radiance.height_px;
+  std::vector<float> result(static_cast<size_t>(width) * static_cast<size_t>(height), 0.0F);
+  for (int y = 1; y + 1 < height; ++y)
+    for (int x = 1; x + 1 < width; ++x) {
+      double sum = 0;
+      for (int j = -1; j <= 1; ++j)
+        for (int i = -1; i <= 1; ++i) sum += image.radiance.at(x + i, y + j);
+      result[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)] =
+          static_cast<float>(sum / 9);
+    }
+  return result;
+}
+
+// ln(G + 2 L_0) of every patch, row by row.
+std::vector<double> ln_roughness(const photometry::RadianceImage& image, int columns, int rows, int patch_px,
+                                 double floor) {
+  constexpr int kStep = 2, kEdge = kStep + 1;
+  const int width = image.radiance.width_px, height = image.radiance.height_px;
+  const std::vector<float> smooth = averaged(image);
+  const auto at = [&](int x, int y) {
+    return static_cast<double>(
+        smooth[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]);
+  };
+  std::vector<double> result;
+  for (int row = 0; row < rows; ++row)
+    for (int column = 0; column < columns; ++column) {
+      double sum = 0;
+      for (int y = std::max(row * patch_px, kEdge); y < std::min((row + 1) * patch_px, height - kEdge); ++y)
+        for (int x = std::max(column * patch_px, kEdge); x < std::min((column + 1) * patch_px, width - kEdge);
+             ++x)
+          sum += std::pow(at(x + kStep, y) - at(x - kStep, y), 2) +
+                 std::pow(at(x, y + kStep) - at(x, y - kStep), 2);
+      result.push_back(std::log(std::sqrt(sum / (patch_px * patch_px)) + 2 * floor));
+    }
+  return result;
+}
+
+void fill_extinction(double ln_sigma, double sd, const PatchCalibration& calibration,
+                     Observation& observation) {
+  observation.extinction_per_m = std::exp(ln_sigma);
+  observation.extinction_low_per_m = std::exp(ln_sigma - 1.96 * sd);
+  observation.extinction_high_per_m = std::exp(ln_sigma + 1.96 * sd);
+  // Far beyond what was learned from, only the side is known.
+  if (ln_sigma < calibration.log_extinction_low - 2 * sd) {
+    observation.limit = Limit::above;
+    observation.quality.set(Quality::limit_above);
+    observation.extinction_per_m = std::exp(calibration.log_extinction_low + 1.96 * sd);
+    observation.extinction_high_per_m = observation.extinction_per_m;
+    observation.extinction_low_per_m.reset();
+  } else if (ln_sigma > calibration.log_extinction_high + 2 * sd) {
+    observation.limit = Limit::below;
+    observation.quality.set(Quality::limit_below);
+    observation.extinction_per_m = std::exp(calibration.log_extinction_high - 1.96 * sd);
+    observation.extinction_low_per_m = observation.extinction_per_m;
+    observation.extinction_high_per_m.reset();
+  }
+}
+
+void fill_weather(double sd, std::optional<double> relative_humidity, Observation& observation) {
+  AirEstimate air;
+  air.ln_sigma = std::log(*observation.extinction_per_m);
+  air.ln_sigma_sd = sd;
+  air.relative_humidity = relative_humidity;
+  air.limit = observation.limit;
+  observation.weather_probability = weather_probabilities(air);
+  observation.weather = decide_weather(observation.weather_probability);
+  observation.wmo_4680 =
+      wmo_4680_now(observation.weather, kMorTimesExtinction / *observation.extinction_per_m);
+  observation.relative_humidity = relative_humidity;
+}
+
+double median_abs(const std::vector<double>& predicted, std::span<const PatchFrame> frames,
+                  double least_ln_sigma) {
+  std::vector<double> off;
+  for (size_t f = 0; f < frames.size(); ++f)
+    if (frames[f].ln_sigma >= least_ln_sigma) off.push_back(std::abs(predicted[f] - frames[f].ln_sigma));
+  if (off.empty()) return 0;
+  const auto middle = off.begin() + static_cast<std::ptrdiff_t>(off.size() / 2);
+  std::nth_element(off.begin(), middle, off.end());
+  return *middle;
+}
+
+}  // namespace
+
+std::vector<double> patch_features(const photometry::RadianceImage& image, const Camera& camera, int patch_px,
+                                   bool texture) {
+  const int columns = camera.width_px / patch_px, rows = camera.height_px / patch_px;
+  const double floor = kFloorPart * std::max(image.saturation_radiance, 1e-9);
+  const std::vector<double> bright = ln_brightness(image, columns, rows, patch_px, floor);
+  std::vector<double> features;
+  for (size_t i = static_cast<size_t>(columns); i < bright.size(); ++i)
+    features.push_back(bright[i] - bright[i - static_cast<size_t>(columns)]);
+  if (!texture) return features;
+  const std::vector<double> rough = ln_roughness(image, columns, rows, patch_px, floor);
+  for (size_t i = 0; i < bright.size(); ++i) features.push_back(rough[i] - bright[i]);
   return features;
+}
+
+bool for_day_patches(std::optional<double> altitude_deg, bool monochrome, const Site& site) {
+  constexpr double kLight_deg = -8;
+  return site.day_patches && (!altitude_deg || *altitude_deg > kLight_deg) &&
+         !(site.day_patches->colour && monochrome);
+}
+
+bool for_night_patches(std::optional<double> altitude_deg, bool monochrome, const Site& site) {
+  constexpr double kDark_deg = -9;
+  const bool night_mode = site.day_patches && site.day_patches->colour && monochrome;
+  return !altitude_deg || *altitude_deg < kDark_deg || (night_mode && *altitude_deg < 0);
 }
 
 PatchLearning learn_patches(std::span<const PatchFrame> frames, const PatchOptions& options) {
@@ -160,16 +268,11 @@ PatchLearning learn_patches(std::span<const PatchFrame> frames, const PatchOptio
     learning.why_not = "visibility hardly changed over the night frames, or they cover too short a time";
     return learning;
   }
-  double best_ridge = kRidges[0];
-  std::vector<double> best;
-  for (const double ridge : kRidges) {
-    std::vector<double> predicted = cross_validated(frames, blocks, ridge, options.farthest);
-    if (!best.empty() && rms_of(predicted, truth) >= rms_of(best, truth)) continue;
-    best = std::move(predicted);
-    best_ridge = ridge;
-  }
+  const std::vector<double> best = cross_validated(frames, blocks, options.ridge, options.farthest);
   learning.rms_ln = rms_of(best, truth);
   learning.correlation = spearman(best, truth);
+  learning.median_abs_ln =
+      median_abs(best, frames, std::log(kMorTimesExtinction / options.farthest_judged_m));
   const double fog = std::log(kMorTimesExtinction / kFogMor_m);
   for (size_t f = 0; f < truth.size(); ++f)
     learning.fog_right +=
@@ -181,11 +284,12 @@ PatchLearning learn_patches(std::span<const PatchFrame> frames, const PatchOptio
   }
   std::vector<size_t> all(frames.size());
   std::iota(all.begin(), all.end(), size_t{0});
-  const Ridge model = fit_ridge(frames, all, best_ridge, options.farthest);
-  NightCalibration calibration;
+  const Ridge model = fit_ridge(frames, all, options.ridge, options.farthest);
+  PatchCalibration calibration;
   calibration.patch_px = options.patch_px;
+  calibration.texture = options.texture;
   calibration.log_extinction_mean = model.intercept;
-  calibration.log_extinction_sigma = learning.rms_ln;
+  calibration.log_extinction_sigma = std::max(learning.rms_ln, options.least_error);
   calibration.log_extinction_low = *low;
   calibration.log_extinction_high = *high;
   calibration.mean = model.standard.mean;
@@ -196,59 +300,34 @@ PatchLearning learn_patches(std::span<const PatchFrame> frames, const PatchOptio
 }
 
 void measure_patches(const photometry::RadianceImage& image, const Camera& camera,
-                     const NightCalibration& calibration, std::optional<double> relative_humidity,
-                     const PatchOptions& options, FrameResult& result) {
-  const std::vector<double> features = patch_features(image, camera, calibration.patch_px);
+                     const PatchCalibration& calibration, std::optional<double> relative_humidity,
+                     Method method, const PatchOptions& options, FrameResult& result) {
+  const std::vector<double> features =
+      patch_features(image, camera, calibration.patch_px, calibration.texture);
   Observation& observation = result.observation;
   if (features.size() != calibration.weight.size()) {
     observation.quality.set(Quality::frame_wrong_size);
-    result.reason = "the [night] calibration is of another picture size";
+    result.reason = "the calibration of the picture's patches is of another picture size or an older version";
     return;
   }
-  double ln_sigma = calibration.log_extinction_mean;
-  for (size_t i = 0; i < features.size(); ++i)
-    ln_sigma += calibration.weight[i] * std::clamp((features[i] - calibration.mean[i]) / calibration.scale[i],
-                                                   -options.farthest, options.farthest);
-  double strangeness = 0;
-  for (size_t i = 0; i < features.size(); ++i)
-    strangeness += std::min(std::pow((features[i] - calibration.mean[i]) / calibration.scale[i], 2), 16.0) /
-                   static_cast<double>(features.size());
+  double ln_sigma = calibration.log_extinction_mean, strangeness = 0;
+  for (size_t i = 0; i < features.size(); ++i) {
+    const double z = std::clamp((features[i] - calibration.mean[i]) / calibration.scale[i], -options.farthest,
+                                options.farthest);
+    ln_sigma += calibration.weight[i] * z;
+    strangeness += z * z / static_cast<double>(features.size());
+  }
   if (strangeness > options.strangest) {
-    result.reason = "the picture is unlike those that the [night] calibration was learned from";
+    result.reason = "the picture is unlike those that its patches' calibration was learned from";
     return;
   }
-  const double sd = calibration.log_extinction_sigma;
-  observation.method = Method::glow;
+  result.reason.clear();
+  observation.method = method;
   observation.quality.set(Quality::calibrated_distance);
   observation.quality.set(Quality::q_unknown);
-  result.reason.clear();
-  observation.extinction_per_m = std::exp(ln_sigma);
-  observation.extinction_low_per_m = std::exp(ln_sigma - 1.96 * sd);
-  observation.extinction_high_per_m = std::exp(ln_sigma + 1.96 * sd);
-  // Far beyond what was learned from, only the side is known.
-  if (ln_sigma < calibration.log_extinction_low - 2 * sd) {
-    observation.limit = Limit::above;
-    observation.quality.set(Quality::limit_above);
-    observation.extinction_per_m = std::exp(calibration.log_extinction_low + sd);
-    observation.extinction_high_per_m = observation.extinction_per_m;
-    observation.extinction_low_per_m.reset();
-  } else if (ln_sigma > calibration.log_extinction_high + 2 * sd) {
-    observation.limit = Limit::below;
-    observation.quality.set(Quality::limit_below);
-    observation.extinction_per_m = std::exp(calibration.log_extinction_high - sd);
-    observation.extinction_low_per_m = observation.extinction_per_m;
-    observation.extinction_high_per_m.reset();
-  }
-  AirEstimate air;
-  air.ln_sigma = std::log(*observation.extinction_per_m);
-  air.ln_sigma_sd = sd;
-  air.relative_humidity = relative_humidity;
-  air.limit = observation.limit;
-  observation.weather_probability = weather_probabilities(air);
-  observation.weather = decide_weather(observation.weather_probability);
-  observation.wmo_4680 =
-      wmo_4680_now(observation.weather, kMorTimesExtinction / *observation.extinction_per_m);
-  observation.relative_humidity = relative_humidity;
+  const double sd = calibration.log_extinction_sigma * std::sqrt(std::max(1.0, strangeness));
+  fill_extinction(ln_sigma, sd, calibration, observation);
+  fill_weather(sd, relative_humidity, observation);
 }
 
 }  // namespace lampglow::inference

@@ -180,7 +180,8 @@ TEST(SiteFile, WhatCalibrateLearnedReadsBack) {
   target.brightness_ratio_sigma = 0.015625;
   target.contrast = TargetContrast{-3.5, 0.25, -2.125, {0.375, -0.5}};
   site.day = DayCalibration{4, 60, 700, 90, 0.3125, 6.5, true};
-  site.night = NightCalibration{32, -5.5, 0.4375, -8.25, -4.5, {1.5, -2.25}, {0.5, 0.75}, {0.0625, -0.125}};
+  site.night = PatchCalibration{32,    true, true,         -5.5,        0.4375,
+                                -8.25, -4.5, {1.5, -2.25}, {0.5, 0.75}, {0.0625, -0.125}};
   const Site back = parse(format_site(site));
   ASSERT_TRUE(back.targets[0].contrast && back.day && back.night);
   EXPECT_EQ(back.targets[0].distance_sigma_m, 31.5);
@@ -199,6 +200,7 @@ TEST(SiteFile, WhatCalibrateLearnedReadsBack) {
   EXPECT_EQ(back.day->independent_targets, 6.5);
   EXPECT_TRUE(back.day->colour);
   EXPECT_EQ(back.night->patch_px, 32);
+  EXPECT_TRUE(back.night->texture && back.night->colour && !back.day_patches);
   EXPECT_EQ(back.night->log_extinction_mean, -5.5);
   EXPECT_EQ(back.night->log_extinction_sigma, 0.4375);
   EXPECT_EQ(back.night->log_extinction_low, -8.25);
