@@ -76,38 +76,6 @@ bool looks_like_snow(const DayView& view, const Site& site, double sigma, const 
   return near > 0 && 2 * bright > near;
 }
 
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// Does the nearest third of the textures miss contrast that no air between could take?
-bool looks_like_rain(const DayView& view, const Site& site, const ContrastFit& fit, double sigma,
-                     const DayOptions& options) {
-  std::vector<std::pair<double, double>> off;  // distance, ln contrast over the fit's
-  for (size_t i = 0; i < site.targets.size(); ++i) {
-    const Target& target = site.targets[i];
-    const TargetView& seen = view.targets[i];
-    if (!target.contrast || !target.distance_m || seen.gradient_energy <= 0) continue;
-    const TargetContrast& c = *target.contrast;
-    const double u = c.log_contrast + c.lighting[0] * fit.lighting[0] + c.lighting[1] * fit.lighting[1] -
-                     sigma * *target.distance_m;
-    const double model =
-        log_gradient_energy(u, std::exp(2 * (c.log_contrast + c.log_floor)), seen.noise_energy);
-    off.emplace_back(*target.distance_m, 0.5 * (std::log(seen.gradient_energy) - model));
-  }
-  if (off.size() < 6) return false;
-  std::sort(off.begin(), off.end());
-  std::vector<double> near, far;
-  for (size_t i = 0; i < off.size() / 3; ++i) {
-    near.push_back(off[i].second);
-    far.push_back(off[off.size() - 1 - i].second);
-  }
-  const bool spread = off[off.size() - 1].first > 3 * off[0].first;
-  return spread && median_of(near) < -options.rain_loss && median_of(far) > 0;
-}
-
 void flag_scene(const DayView& view, const Site& site, const ContrastFit& fit, const DayOptions& options,
                 Observation& observation) {
   // The lighting factors have unit spread over the time of learning: far outside is light never seen then.
@@ -115,8 +83,6 @@ void flag_scene(const DayView& view, const Site& site, const ContrastFit& fit, c
     observation.quality.set(Quality::shadows);
   if (looks_like_snow(view, site, *observation.extinction_per_m, options))
     observation.quality.set(Quality::snow);
-  if (looks_like_rain(view, site, fit, *observation.extinction_per_m, options))
-    observation.quality.set(Quality::rain_on_window);
 }
 
 std::string obstacle(const photometry::RadianceImage& image, const Site& site, std::optional<SunPosition> sun,

@@ -24,9 +24,6 @@ struct DayOptions {
   double snow_ratio = 0.6;         // near targets brighter than this part of the sky are no dark targets
   double least_sky = 0.04;         // of the camera's full range, where the sun is not known
   double saturated_part = 0.25;    // of the picture: the sun is in it or close to it
-  // Drops on the window take the same part of every texture's contrast, fog takes more of the far ones. By
-  // this much (ln) near textures fall below the fit where the far ones rise above it: rain.
-  double rain_loss = 0.4;
 };
 
 // Is there light enough? Where the place, and so the sun, is unknown, the picture's upper third must tell.
