@@ -90,6 +90,24 @@ std::vector<SceneLamp> scene_lamps(const Site& site, std::span<const photometry:
   return lamps;
 }
 
+// Exposures that are not told differ from frame to frame: each to the first one's brightness, by the median
+// ratio of their rings. A ring that only some frames have would else stand out from its neighbours.
+void equalise(std::vector<RingData>& frames) {
+  const RingData& first = frames.front();
+  for (size_t f = 1; f < frames.size(); ++f) {
+    RingData& frame = frames[f];
+    std::vector<double> ratios;
+    for (size_t r = 0; r < frame.value.size(); ++r)
+      if (frame.used[r] && first.used[r] && frame.value[r] > 0 && first.value[r] > 0)
+        ratios.push_back(first.value[r] / frame.value[r]);
+    if (ratios.empty()) continue;
+    const double ratio = median_of(std::move(ratios));
+    for (double& value : frame.value) value *= ratio;
+    for (double& sigma : frame.sigma) sigma *= ratio;
+    frame.sky_unit *= ratio;
+  }
+}
+
 // Weighted means of the rings over the clear frames.
 RingData average(const std::vector<RingData>& frames) {
   RingData mean = frames.front();
@@ -214,6 +232,7 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   const double extinction_ln_sigma = known > 0 ? 0.1 : options.clear_mor_ln_sigma;
 
   std::vector<SceneLamp> lamps = scene_lamps(site, reference.catalogue, options);
+  if (frames.front().image.relative) equalise(rings);
   const RingData mean = average(rings);
   const LearnedSpread learned =
       learn_spread(site.camera, *reference.rings, lamps, halo, mean, extinction, options.spread);

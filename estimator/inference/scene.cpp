@@ -43,6 +43,11 @@ void add_weight(const std::vector<double>& nodes, double theta, double weight, s
 
 }  // namespace
 
+SkyPosition sky_position(const photometry::Ring& ring, const Camera& camera) {
+  return {2.0 * ring.mean_x_px / camera.width_px - 1.0,
+          (2.0 * ring.mean_y_px - camera.height_px) / camera.width_px};
+}
+
 double spread_density(const PointSpread& spread, double theta_rad) {
   const auto& x = spread.theta_rad;
   const auto& y = spread.ln_density;
@@ -67,8 +72,9 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
   for (const auto& ring : map.rings) {
     owner_.push_back(ring.lamp);
     is_core_.push_back(ring.theta_low_rad == 0);
-    ring_x_.push_back(2.0 * ring.mean_x_px / camera.width_px - 1.0);
-    ring_y_.push_back((2.0 * ring.mean_y_px - camera.height_px) / camera.width_px);
+    const SkyPosition position = sky_position(ring, camera);
+    ring_x_.push_back(position.x);
+    ring_y_.push_back(position.y);
   }
   for (const double theta : node_theta_)
     emission_shape_.push_back(std::clamp(std::log(theta / kDegree) / std::log(4.0), 0.0, 1.5));

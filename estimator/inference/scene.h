@@ -152,6 +152,12 @@ class Scene {
   std::vector<double> direct_;
 };
 
+// Where a ring lies in the picture, for the sky's gradient: half picture widths from its middle.
+struct SkyPosition {
+  double x = 0, y = 0;
+};
+SkyPosition sky_position(const photometry::Ring& ring, const Camera& camera);
+
 // Interpolates ln density over ln θ; beyond the last node the last slope goes on.
 double spread_density(const PointSpread& spread, double theta_rad);
 
