@@ -13,11 +13,14 @@ namespace {
 constexpr size_t kSpreadNodes = 30;
 constexpr double kLastSpreadRad = 16.0 * std::numbers::pi / 180.0;
 constexpr double kTail = 2.5;
+constexpr double kCoreTail =
+    30;  // a core that is seen is no outlier, however many rings of the background say so
 constexpr double kEnoughCores =
     0.6;  // with fewer of the lamps unsaturated, the core's share of the light is a guess
 constexpr double kUnknownDistance_m = 400;
 
-// Parameters: ln core fraction, ln density at the nodes, ln strength and sky of every lamp, the sky's gradient.
+// Parameters: ln core fraction, ln density at the nodes, ln strength and sky of every lamp, the sky's
+// gradient.
 struct SpreadLayout {
   size_t nodes, lamps;
   size_t core() const { return 0; }
@@ -177,7 +180,8 @@ class SpreadCost final : public ceres::CostFunction {
   }
 
   void soften_row(double model, size_t ring, double& residual, double* row) const {
-    const double r = (model - data_.value[ring]) / data_.sigma[ring], c2 = kTail * kTail;
+    const double r = (model - data_.value[ring]) / data_.sigma[ring];
+    const double tail = map_.rings[ring].theta_low_rad == 0 ? kCoreTail : kTail, c2 = tail * tail;
     residual = std::copysign(std::sqrt(c2 * std::log1p(r * r / c2)), r);
     if (!row) return;
     const double slope =
