@@ -123,11 +123,12 @@ void write_full_truth(const std::filesystem::path& file, const Night& night,
   text += "\n";
   for (size_t i = 0; i < night.frames.size(); ++i) {
     const Frame& frame = night.frames[i];
-    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}", format_time_utc(frame.time_utc),
+    text += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}", format_time_utc(frame.time_utc),
                         frame.role == FrameRole::observation ? "observation" : "clear_reference",
                         frame.mor_m(), frame.extinction_per_m, frame.q, to_string(frame.weather), frame.gain,
                         longest_exposure_s[i], frame.shift_x_px, frame.shift_y_px, frame.rotation_rad,
-                        frame.sky_electrons_per_s, frame.cars.size(), number(bounds[i]));
+                        frame.sky_electrons_per_s, frame.day.sun.altitude_deg, frame.cars.size(),
+                        number(bounds[i]));
     for (const double strength : frame.lamp_strength) text += fmt::format(",{}", strength);
     text += "\n";
   }

@@ -53,14 +53,15 @@ void settle_skies(const Scene& scene, const RingData& data, std::vector<double>&
   for (size_t r = 0; r < scene.ring_count(); ++r) {
     if (!data.used[r]) continue;
     const auto lamp = static_cast<size_t>(scene.lamp_of_ring(r));
-    const double w = 1.0 / (data.sigma[r] * data.sigma[r]);
-    sum[lamp] += w * (data.value[r] - model[r]);
-    weight[lamp] += w;
+    const double w = 1.0 / (data.sigma[r] * data.sigma[r]), f = scene.sky_factor(r, p[Layout::ln_sigma]);
+    sum[lamp] += w * f * (data.value[r] - model[r]);
+    weight[lamp] += w * f * f;
   }
   for (size_t j = 0; j < at.lamps; ++j)
     p[at.sky(j)] = weight[j] > 0 ? std::max(0.0, sum[j] / weight[j]) / data.sky_unit : 1.0;
   for (size_t r = 0; r < scene.ring_count(); ++r)
-    model[r] += data.sky_unit * p[at.sky(static_cast<size_t>(scene.lamp_of_ring(r)))];
+    model[r] += data.sky_unit * p[at.sky(static_cast<size_t>(scene.lamp_of_ring(r)))] *
+                scene.sky_factor(r, p[Layout::ln_sigma]);
 }
 
 Start start_at(const Scene& scene, const HaloModel& halo, RingData data, const FitOptions& options,

@@ -12,6 +12,8 @@ namespace lampglow::inference {
 namespace {
 
 constexpr double kSkySigma = 30.0;
+constexpr double kCoreTail =
+    8;  // instead of ring_tail: the backgrounds of many rings must not outvote a core
 
 // A residual's derivative with respect to one parameter.
 struct Slope {
@@ -33,6 +35,11 @@ double clearness(double ln_sigma) {
 // 0 up to some 5 km, 1 in clear air.
 double beyond_haze(double ln_sigma) {
   return std::max(0.0, clearness(ln_sigma) - 0.6) / 0.4;
+}
+
+// A lamp's core is its first ring.
+bool starts_lamp(const Scene& scene, size_t ring) {
+  return ring == 0 || scene.lamp_of_ring(ring) != scene.lamp_of_ring(ring - 1);
 }
 
 }  // namespace
@@ -67,7 +74,8 @@ FrameCost::FrameCost(const Scene& scene, const HaloModel& halo, const RingData& 
 }
 
 double FrameCost::ring_residual(size_t r, double model, double& slope) const {
-  const double residual = soften((model - data_.value[r]) / data_.sigma[r], options_.ring_tail, slope);
+  const double tail = starts_lamp(scene_, r) ? kCoreTail : options_.ring_tail;
+  const double residual = soften((model - data_.value[r]) / data_.sigma[r], tail, slope);
   slope /= data_.sigma[r];
   return residual;
 }
@@ -153,7 +161,7 @@ void FrameCost::add_rings(const double* p, std::span<const int> active, NormalEq
     gradient.head(wide) += residual * row.transpose();
     const int sky = sky_of[static_cast<size_t>(scene_.lamp_of_ring(rings_[i]))];
     if (sky < 0) continue;
-    const double by_sky = slope * data_.sky_unit;
+    const double by_sky = slope * data_.sky_unit * scene_.sky_factor(rings_[i], p[Layout::ln_sigma]);
     information.row(sky).head(wide) += by_sky * row;
     information(sky, sky) += by_sky * by_sky;
     gradient(sky) += by_sky * residual;

@@ -202,7 +202,7 @@ JointFit finish(const Scene& scene, const HaloModel& halo, const FitOptions& opt
 
 JointFit fit_jointly(const Scene& scene, const HaloModel& halo, const RingData& data,
                      const FitOptions& options) {
-  constexpr double kRival = 3.0;  // −Δ ln p of the modes that the bounds must cover
+  constexpr double kRival = 4.5;  // −Δ ln p of the modes that the bounds must cover, inflated ones too
   int iterations = 0;
   std::vector<Mode> modes = modes_from_starts(scene, halo, data, options, iterations);
   if (options.ln_half != 0 && options.gain_known && burns_unlike_usual(modes.front())) {

@@ -19,6 +19,7 @@ struct RingData {
   std::vector<char> lit;           // per lamp; 0: it is off, its rings still count
   std::vector<double> ln_dimming;  // per lamp: prior mean of ln strength, 0 or ln ½; empty: all 0
   double sky_unit = 1;             // a typical background, to scale the sky's parameters
+  std::vector<double> noise;       // the part of sigma that is the picture's own noise
 };
 
 struct FitOptions {

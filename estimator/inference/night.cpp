@@ -40,8 +40,8 @@ std::vector<photometry::DetectedLight> foreign_lights(const photometry::Register
 // The brightest foreign lights as lamps of unknown distance: their halos are in the frame's rings.
 std::vector<SceneLamp> guests_of(std::span<const photometry::DetectedLight> foreign,
                                  const photometry::RegisteredFrame& registered,
-                                 const photometry::RadianceImage& image, const ClearReference& reference,
-                                 const NightOptions& options) {
+                                 const photometry::RadianceImage& image, const Site& site,
+                                 const ClearReference& reference, const NightOptions& options) {
   const double x0 = image.radiance.width_px / 2.0, y0 = image.radiance.height_px / 2.0;
   const double c = std::cos(registered.rotation_rad), s = std::sin(registered.rotation_rad);
   std::vector<SceneLamp> guests;
@@ -58,12 +58,20 @@ std::vector<SceneLamp> guests_of(std::span<const photometry::DetectedLight> fore
     guest.ln_beam = std::log(light.flux / reference.spread.core_fraction);
     guest.ln_beam_sigma = light.saturated_pixels > 0 ? options.guest_saturated_ln_sigma
                                                      : std::hypot(0.2, light.flux_sigma / light.flux);
+    guest.masked_rad = foreign_radius_px(light) / photometry::AngularScale(site.camera).focal_length_px;
     guest.ln_strength = *guest.ln_beam;
     guest.ln_strength_sigma = options.guest_strength_ln_sigma;
     guest.catalogued = false;
     guests.push_back(guest);
   }
   return guests;
+}
+
+// What the reference showed over its smooth sky need not be there in another air.
+void doubt_pattern(const Scene& scene, const RingErrors& errors, RingData& data) {
+  const std::vector<double>& sky = scene.pattern().sky;
+  for (size_t r = 0; r < sky.size(); ++r)
+    data.sigma[r] = std::hypot(data.sigma[r], errors.of_pattern * sky[r] * data.value[r]);
 }
 
 // Lamps without a core start as off. Those that the fit then says could not be seen anyway are lit: their
@@ -200,13 +208,14 @@ void measure_night(const photometry::RadianceImage& image, const photometry::Reg
   options.fit.gain_known = !image.relative && !reference.relative;
   const auto foreign = foreign_lights(registered);
   RingData data = ring_data(image, registered, *reference.rings, foreign, options.errors);
+  doubt_pattern(*reference.scene, options.errors, data);
   if (std::none_of(data.used.begin(), data.used.end(), [](char u) { return u != 0; })) {
     result.reason = "no ring of any lamp could be measured";
     return;
   }
   const Night night = fit_with_outages(
       registered, reference, halo, options,
-      reference.scene->with_guests(guests_of(foreign, registered, image, reference, options)),
+      reference.scene->with_guests(guests_of(foreign, registered, image, site, reference, options)),
       std::move(data));
   describe_lamps(night, registered, site, reference, result);
   fill_flags(night, registered, reference, options, result);

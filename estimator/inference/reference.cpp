@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "estimator/observation.h"
 
@@ -9,6 +10,7 @@ namespace lampglow::inference {
 namespace {
 
 constexpr std::uint8_t kForeign = 64;  // our own mask bit, beside photometry's
+constexpr double kWide_rad = 9.0 * std::numbers::pi / 180;
 constexpr double kUsualFocalLength_px = 1044;
 constexpr double kCoreRadiusPerWidth = 1.9;  // core radius over the lens' full width at half maximum
 
@@ -17,12 +19,6 @@ double median_of(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
-}
-
-// Where a foreign light outshines the background: its core, and its glare down to a few percent of the sky.
-double foreign_radius_px(const photometry::DetectedLight& light) {
-  const double glare = std::sqrt(std::max(0.0, 0.01 * light.flux / std::max(light.background, 1e-12)) / 3.0);
-  return std::clamp(6.0 + glare + std::sqrt(static_cast<double>(light.saturated_pixels)), 6.0, 60.0);
 }
 
 void mask_disc(Image<std::uint8_t>& mask, double x, double y, double radius) {
@@ -90,21 +86,42 @@ std::vector<SceneLamp> scene_lamps(const Site& site, std::span<const photometry:
   return lamps;
 }
 
+// Exposures that are not told differ from frame to frame: each to the first one's brightness, by the median
+// ratio of their rings. A ring that only some frames have would else stand out from its neighbours.
+void equalise(std::vector<RingData>& frames) {
+  const RingData& first = frames.front();
+  for (size_t f = 1; f < frames.size(); ++f) {
+    RingData& frame = frames[f];
+    std::vector<double> ratios;
+    for (size_t r = 0; r < frame.value.size(); ++r)
+      if (frame.used[r] && first.used[r] && frame.value[r] > 0 && first.value[r] > 0)
+        ratios.push_back(first.value[r] / frame.value[r]);
+    if (ratios.empty()) continue;
+    const double ratio = median_of(std::move(ratios));
+    for (double& value : frame.value) value *= ratio;
+    for (double& sigma : frame.sigma) sigma *= ratio;
+    for (double& noise : frame.noise) noise *= ratio;
+    frame.sky_unit *= ratio;
+  }
+}
+
 // Weighted means of the rings over the clear frames.
 RingData average(const std::vector<RingData>& frames) {
   RingData mean = frames.front();
   for (size_t r = 0; r < mean.value.size(); ++r) {
-    double sum = 0, weight = 0, worst = 0;
+    double sum = 0, weight = 0, worst = 0, noise = 0;
     for (const RingData& frame : frames) {
       if (!frame.used[r]) continue;
       const double w = 1 / (frame.sigma[r] * frame.sigma[r]);
       sum += w * frame.value[r];
       weight += w;
+      noise += std::pow(w * frame.noise[r], 2);
       worst = std::max(worst, frame.sigma[r]);
     }
     mean.used[r] = weight > 0;
     if (weight <= 0) continue;
     mean.value[r] = sum / weight;
+    mean.noise[r] = std::sqrt(noise) / weight;
     mean.sigma[r] = worst;  // mostly model error, which averaging does not lessen
   }
   return mean;
@@ -133,7 +150,31 @@ double scatter_of(std::span<const ClearFrame> frames, size_t lamp) {
   return std::sqrt(square);
 }
 
+// What each ring shows over the smooth model, as far as it stands out of the picture's noise, and within what
+// a lens or a roof may do. It is the lens' where the lamp outshines the sky, and the sky's where not.
+Scene::RingPattern pattern_of(const RingData& data, const LearnedSpread& learned) {
+  constexpr double kMost = 0.3;
+  const size_t rings = data.value.size(), per_lamp = rings / std::max<size_t>(learned.sky.size(), 1);
+  Scene::RingPattern pattern{std::vector<double>(rings, 0.0), std::vector<double>(rings, 0.0)};
+  for (size_t r = 0; r < rings; ++r) {
+    const double model = learned.model[r];
+    if (!data.used[r] || model <= 0) continue;
+    const double off = data.value[r] / model - 1, noise = data.noise[r] / model;
+    const double shown = off * off * off / (off * off + noise * noise + 1e-12);
+    const double sky = std::clamp(learned.sky[r / per_lamp] / model, 0.0, 1.0), light = 1 - sky;
+    const double whole = light * light + sky * sky;
+    pattern.lens[r] = std::clamp(shown * light / whole, -kMost, kMost);
+    pattern.sky[r] = std::clamp(shown * sky / whole, -kMost, kMost);
+  }
+  return pattern;
+}
+
 }  // namespace
+
+double foreign_radius_px(const photometry::DetectedLight& light) {
+  const double glare = std::sqrt(std::max(0.0, 0.01 * light.flux / std::max(light.background, 1e-12)) / 3.0);
+  return std::clamp(6.0 + glare + std::sqrt(static_cast<double>(light.saturated_pixels)), 6.0, 60.0);
+}
 
 RingData ring_data(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
                    const photometry::RingMap& map, std::span<const photometry::DetectedLight> foreign,
@@ -167,13 +208,15 @@ RingData ring_data(const photometry::RadianceImage& image, const photometry::Reg
       const auto& ring = means[first + k];
       const bool steep = k > 0 && map.edges_rad[k] < 1.5 * map.edges_rad[1];
       const bool doubtful_core = k == 0 && image.relative;
+      const double wide = std::pow(map.rings[first + k].theta_mean_rad / kWide_rad, 2);
+      const double of_sky = std::hypot(errors.of_sky, errors.of_wide_sky * wide);
       const double of_light = steep ? errors.steep : doubtful_core ? errors.relative_core : errors.of_light;
       data.value.push_back(ring.mean);
       data.used.push_back(ring.pixels > 0 && std::isfinite(ring.variance));
-      data.sigma.push_back(std::sqrt(std::max(ring.variance, 0.0)) + 0.0);
-      data.sigma.back() =
-          std::sqrt(data.sigma.back() * data.sigma.back() + std::pow(of_light * (ring.mean - sky), 2) +
-                    std::pow(errors.of_sky * ring.mean, 2) + 1e-24);
+      data.noise.push_back(std::sqrt(std::max(ring.variance, 0.0)));
+      data.sigma.push_back(std::sqrt(std::pow(data.noise.back(), 2) +
+                                     std::pow(of_light * (ring.mean - sky), 2) +
+                                     std::pow(of_sky * ring.mean, 2) + 1e-24));
     }
   }
   data.sky_unit = std::max(median_of(skies), 1e-9);
@@ -214,6 +257,7 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   const double extinction_ln_sigma = known > 0 ? 0.1 : options.clear_mor_ln_sigma;
 
   std::vector<SceneLamp> lamps = scene_lamps(site, reference.catalogue, options);
+  if (frames.front().image.relative) equalise(rings);
   const RingData mean = average(rings);
   const LearnedSpread learned =
       learn_spread(site.camera, *reference.rings, lamps, halo, mean, extinction, options.spread);
@@ -233,7 +277,9 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   reference.sky = median_of(learned.sky);
   reference.chi2_per_ring = learned.chi2_per_ring;
   reference.spread = learned.spread;
-  reference.scene = std::make_shared<const Scene>(site.camera, lamps, learned.spread, *reference.rings);
+  auto scene = std::make_shared<Scene>(site.camera, lamps, learned.spread, *reference.rings);
+  scene->set_pattern(pattern_of(mean, learned));
+  reference.scene = std::move(scene);
   return reference;
 }
 

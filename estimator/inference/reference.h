@@ -72,12 +72,18 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
 // The rings of a frame as data for a fit: sigma holds noise and model error. `foreign` lights' surroundings
 // are left out.
 struct RingErrors {
-  double of_light = 0.02;  // relative, of what the ring has above the sky
-  double of_sky = 0.002;   // relative, of the whole
+  double of_light = 0.02;     // relative, of what the ring has above the sky
+  double of_sky = 0.002;      // relative, of the whole
+  double of_wide_sky = 0.02;  // the same at 9°, growing as θ²: the sky is no plane
+  double of_pattern =
+      0.5;  // of what the reference showed over its smooth sky: roofs fade, domes of light do not
   double relative_core =
       0.1;  // instead of of_light for the cores of one 8-bit exposure: nearly saturated, compressed
   double steep = 0.08;  // instead of of_light within 1.5 core radii, where the core's skirt is steep
 };
+// Around a foreign light the frame's pixels are left out: its core, and its glare down to a part of the sky.
+double foreign_radius_px(const photometry::DetectedLight& light);
+
 RingData ring_data(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
                    const photometry::RingMap& map, std::span<const photometry::DetectedLight> foreign,
                    const RingErrors& errors);

@@ -43,6 +43,11 @@ void add_weight(const std::vector<double>& nodes, double theta, double weight, s
 
 }  // namespace
 
+SkyPosition sky_position(const photometry::Ring& ring, const Camera& camera) {
+  return {2.0 * ring.mean_x_px / camera.width_px - 1.0,
+          (2.0 * ring.mean_y_px - camera.height_px) / camera.width_px};
+}
+
 double spread_density(const PointSpread& spread, double theta_rad) {
   const auto& x = spread.theta_rad;
   const auto& y = spread.ln_density;
@@ -67,14 +72,15 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
   for (const auto& ring : map.rings) {
     owner_.push_back(ring.lamp);
     is_core_.push_back(ring.theta_low_rad == 0);
-    ring_x_.push_back(2.0 * ring.mean_x_px / camera.width_px - 1.0);
-    ring_y_.push_back((2.0 * ring.mean_y_px - camera.height_px) / camera.width_px);
+    const SkyPosition position = sky_position(ring, camera);
+    ring_x_.push_back(position.x);
+    ring_y_.push_back(position.y);
   }
   for (const double theta : node_theta_)
     emission_shape_.push_back(std::clamp(std::log(theta / kDegree) / std::log(4.0), 0.0, 1.5));
   for (size_t r = 0; r < rings_; ++r)
     for (size_t j = 0; j < lamps_.size(); ++j) {
-      add_weights(r, to_lamp_[j], ranges_);
+      add_weights(r, j, ranges_);
       direct_.push_back(direct_share(r, j));
     }
   make_convolution();
@@ -96,7 +102,7 @@ Scene Scene::with_guests(std::span<const SceneLamp> guests) const {
         scene.direct_.push_back(direct_[r * own + j]);
         continue;
       }
-      scene.add_weights(r, scene.to_lamp_[j], scene.ranges_);
+      scene.add_weights(r, j, scene.ranges_);
       scene.direct_.push_back(scene.direct_share(r, j));
     }
   return scene;
@@ -107,12 +113,22 @@ void Scene::add_geometry(const SceneLamp& lamp) {
   to_lamp_.push_back(scale_.direction(lamp.x_px, lamp.y_px));
 }
 
-void Scene::add_weights(size_t ring, const photometry::Direction& to_lamp, std::vector<Range>& ranges) {
+// The ring's sample points that the frame's picture has: those under a guest's mask are not.
+std::vector<photometry::Direction> Scene::open_samples(size_t ring, size_t lamp) const {
+  std::vector<photometry::Direction> open = (*ring_shapes_)[ring].samples;
+  if (lamps_[lamp].masked_rad > 0)
+    std::erase_if(open, [&](const photometry::Direction& sample) {
+      return photometry::plane_distance(sample, to_lamp_[lamp]) < lamps_[lamp].masked_rad;
+    });
+  return open;
+}
+
+void Scene::add_weights(size_t ring, size_t lamp, std::vector<Range>& ranges) {
   std::array<double, kSceneNodes> row{};
-  const auto& samples = (*ring_shapes_)[ring].samples;
+  const auto samples = open_samples(ring, lamp);
   const double weight = samples.empty() ? 0 : 1.0 / static_cast<double>(samples.size());
   for (const auto& sample : samples)
-    add_weight(node_theta_, photometry::angle_rad(sample, to_lamp), weight, row);
+    add_weight(node_theta_, photometry::angle_rad(sample, to_lamp_[lamp]), weight, row);
   size_t first = 0, last = kSceneNodes;
   while (first < kSceneNodes && row[first] == 0) ++first;
   while (last > first && row[last - 1] == 0) --last;
@@ -151,7 +167,7 @@ void Scene::make_convolution() {
 // Part of the lamp's light that each pixel of the ring gets straight through the lens.
 double Scene::direct_share(size_t ring, size_t lamp) const {
   if (owner_[ring] == static_cast<int>(lamp) && is_core_[ring]) return spread_.core_fraction / core_area_px_;
-  const auto& samples = (*ring_shapes_)[ring].samples;
+  const auto samples = open_samples(ring, lamp);
   double sum = 0;
   for (const auto& sample : samples)
     sum += spread_density(spread_, photometry::plane_distance(sample, to_lamp_[lamp]));

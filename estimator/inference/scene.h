@@ -1,8 +1,10 @@
 // The forward model of a night picture: what every ring of every lamp should read, given the air.
 //
-//   ring k of lamp i = sky_i + gradient·r_k + gain Σ_j A_j [ e^(−T_j) D_kj + κ h_j 4π ω_j (W K G_j)_k ], T_j
-//   = σ R_j
+//   ring k of lamp i = s_k (sky_i + gradient·r_k) + gain Σ_j A_j [ d_k e^(−T_j) D_kj + κ h_j 4π ω_j (W K
+//   G_j)_k ], T_j = σ R_j
 //
+// d_k, s_k: what the clear reference showed in this ring over its smooth model, about 1: a lens that is not
+// round, and roofs before the sky, which fade in fog (s_k − 1 goes as e^(−σ R_roofs)).
 // A_j: what the lamp's picture sums to in clear air (over pixels); D: the camera's point spread, averaged
 // over the ring; G_j(θ) = T² g(T, q, θ) (1 + c s(θ)): scattered radiance of a lamp of unit irradiance, g from
 // the glow model in optical units per unit flux (hence 4π), ω_j the solid angle of a pixel there; K spreads
@@ -60,6 +62,7 @@ struct SceneLamp {
   // halos lie over the others'. Their beam, gain·A_j e^(−T_j), is what is known of them.
   std::optional<double> ln_beam;
   double ln_beam_sigma = 0;
+  double masked_rad = 0;  // within this of a guest the frame's pixels are left out of the rings
   bool guest() const { return ln_beam.has_value(); }
 };
 
@@ -84,6 +87,14 @@ class Scene {
  public:
   Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpread& spread,
         const photometry::RingMap& map);
+
+  // d − 1 and s − 1 of every ring; 0 if never set.
+  struct RingPattern {
+    std::vector<double> lens, sky;
+  };
+  void set_pattern(RingPattern pattern) { pattern_ = std::move(pattern); }
+  const RingPattern& pattern() const { return pattern_; }
+  double sky_factor(size_t ring, double ln_sigma) const;  // s
 
   // The same with guests after its own lamps. Costs a fraction of making a scene.
   Scene with_guests(std::span<const SceneLamp> guests) const;
@@ -126,7 +137,8 @@ class Scene {
     std::uint32_t start, count, offset;
   };
   void add_geometry(const SceneLamp& lamp);
-  void add_weights(size_t ring, const photometry::Direction& to_lamp, std::vector<Range>& ranges);
+  void add_weights(size_t ring, size_t lamp, std::vector<Range>& ranges);
+  std::vector<photometry::Direction> open_samples(size_t ring, size_t lamp) const;
   void make_convolution();
   double direct_share(size_t ring, size_t lamp) const;
   LampTerms terms_of(size_t lamp, const HaloModel& halo, std::span<const double> parameters,
@@ -150,7 +162,14 @@ class Scene {
   std::vector<double> weights_;
   std::vector<double> convolution_;  // see convolution()
   std::vector<double> direct_;
+  RingPattern pattern_;
 };
+
+// Where a ring lies in the picture, for the sky's gradient: half picture widths from its middle.
+struct SkyPosition {
+  double x = 0, y = 0;
+};
+SkyPosition sky_position(const photometry::Ring& ring, const Camera& camera);
 
 // Interpolates ln density over ln θ; beyond the last node the last slope goes on.
 double spread_density(const PointSpread& spread, double theta_rad);

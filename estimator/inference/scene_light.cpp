@@ -58,7 +58,17 @@ void convolve(const std::vector<double>& convolution, double* terms) {
 }
 static_assert(kSceneNodes % 4 == 0);
 
+// Of what stands before the sky; its distance is a guess, see RingErrors::of_pattern.
+double roof_thickness(double ln_sigma) {
+  constexpr double kRoofDistance_m = 400;
+  return std::exp(ln_sigma) * kRoofDistance_m;
+}
+
 }  // namespace
+
+double Scene::sky_factor(size_t ring, double ln_sigma) const {
+  return pattern_.sky.empty() ? 1.0 : 1.0 + pattern_.sky[ring] * std::exp(-roof_thickness(ln_sigma));
+}
 
 // One lamp's light in these parameters: its beam, and at every node its halo after the lens with what the
 // Jacobian needs.
@@ -103,13 +113,16 @@ void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span
     Row row{want_jacobian ? &output.jacobian[i * wanted.columns] : nullptr, wanted, at};
     double light = 0;
     for (const LampTerms& term : terms) light += add_light(r, term, kappa, row);
-    output.model[i] = light + sky_unit * (p[at.sky(own)] + p[Layout::slope_x] * ring_x_[r] +
-                                          p[Layout::slope_y] * ring_y_[r]);
+    const double smooth_sky =
+        sky_unit * (p[at.sky(own)] + p[Layout::slope_x] * ring_x_[r] + p[Layout::slope_y] * ring_y_[r]);
+    const double factor = sky_factor(r, p[Layout::ln_sigma]);
+    output.model[i] = light + factor * smooth_sky;
     if (!row.values) continue;
     row.add(Layout::ln_gain, light);
-    row.add(Layout::slope_x, sky_unit * ring_x_[r]);
-    row.add(Layout::slope_y, sky_unit * ring_y_[r]);
-    row.add(at.sky(own), sky_unit);
+    row.add(Layout::ln_sigma, (1.0 - factor) * smooth_sky * roof_thickness(p[Layout::ln_sigma]));
+    row.add(Layout::slope_x, factor * sky_unit * ring_x_[r]);
+    row.add(Layout::slope_y, factor * sky_unit * ring_y_[r]);
+    row.add(at.sky(own), factor * sky_unit);
   }
 }
 
@@ -155,7 +168,8 @@ double Scene::add_light(size_t r, const LampTerms& term, double kappa, Row& row)
   const double* node = &term.nodes[range.start * (row.values ? size_t{kTerms} : 1)];
   const bool by_glare = !lamps_[j].core_seen;
   const bool core = by_glare && is_core_[r] && owner_[r] == static_cast<int>(j);
-  const double beam = term.beam * direct(r, j) * (core ? kappa : 1.0);
+  const double lens = pattern_.lens.empty() ? 1.0 : 1.0 + pattern_.lens[r];
+  const double beam = lens * term.beam * direct(r, j) * (core ? kappa : 1.0);
   std::array<double, kTerms> sum{};
   if (!row.values) {
     for (size_t n = 0; n < range.count; ++n) sum[kHalo] += weight[n] * node[n];

@@ -13,18 +13,23 @@ namespace {
 constexpr size_t kSpreadNodes = 30;
 constexpr double kLastSpreadRad = 16.0 * std::numbers::pi / 180.0;
 constexpr double kTail = 2.5;
+constexpr double kCoreTail =
+    30;  // a core that is seen is no outlier, however many rings of the background say so
 constexpr double kEnoughCores =
     0.6;  // with fewer of the lamps unsaturated, the core's share of the light is a guess
 constexpr double kUnknownDistance_m = 400;
 
-// Parameters: ln core fraction, ln density at the nodes, ln strength and sky of every lamp.
+// Parameters: ln core fraction, ln density at the nodes, ln strength and sky of every lamp, the sky's
+// gradient.
 struct SpreadLayout {
   size_t nodes, lamps;
   size_t core() const { return 0; }
   size_t node(size_t n) const { return 1 + n; }
   size_t strength(size_t j) const { return 1 + nodes + j; }
   size_t sky(size_t j) const { return 1 + nodes + lamps + j; }
-  size_t size() const { return 1 + nodes + 2 * lamps; }
+  size_t slope_x() const { return 1 + nodes + 2 * lamps; }
+  size_t slope_y() const { return slope_x() + 1; }
+  size_t size() const { return slope_y() + 1; }
 };
 
 // Averages of the node functions over each ring, for each lamp's light: sparse rows of (node, weight).
@@ -44,8 +49,13 @@ class SpreadCost final : public ceres::CostFunction {
     make_halos(camera, lamps, halo, extinction_per_m);
     for (size_t r = 0; r < map.rings.size(); ++r)
       if (data.used[r]) rings_.push_back(r);
+    for (const auto& ring : map.rings) {
+      const auto [x, y] = sky_position(ring, camera);
+      ring_x_.push_back(x);
+      ring_y_.push_back(y);
+    }
     mutable_parameter_block_sizes()->push_back(static_cast<int>(at_.size()));
-    set_num_residuals(static_cast<int>(rings_.size() + kSpreadNodes + 1 + at_.lamps));
+    set_num_residuals(static_cast<int>(rings_.size() + kSpreadNodes + 3 + at_.lamps));
   }
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
@@ -81,8 +91,13 @@ class SpreadCost final : public ceres::CostFunction {
       if (row) row[at_.strength(j)] += beam * density + halo;
       light += beam * density + halo;
     }
-    if (row) row[at_.sky(own)] += data_.sky_unit;
-    return light + data_.sky_unit * p[at_.sky(own)];
+    if (row) {
+      row[at_.sky(own)] += data_.sky_unit;
+      row[at_.slope_x()] += data_.sky_unit * ring_x_[ring];
+      row[at_.slope_y()] += data_.sky_unit * ring_y_[ring];
+    }
+    return light + data_.sky_unit * (p[at_.sky(own)] + p[at_.slope_x()] * ring_x_[ring] +
+                                     p[at_.slope_y()] * ring_y_[ring]);
   }
 
   std::vector<double> start() const;
@@ -165,7 +180,8 @@ class SpreadCost final : public ceres::CostFunction {
   }
 
   void soften_row(double model, size_t ring, double& residual, double* row) const {
-    const double r = (model - data_.value[ring]) / data_.sigma[ring], c2 = kTail * kTail;
+    const double r = (model - data_.value[ring]) / data_.sigma[ring];
+    const double tail = map_.rings[ring].theta_low_rad == 0 ? kCoreTail : kTail, c2 = tail * tail;
     residual = std::copysign(std::sqrt(c2 * std::log1p(r * r / c2)), r);
     if (!row) return;
     const double slope =
@@ -210,6 +226,11 @@ class SpreadCost final : public ceres::CostFunction {
       residuals[i] = (p[at_.sky(j)] - 1) / kSkySigma;
       put(at_.sky(j), 1 / kSkySigma);
     }
+    for (const size_t slope : {at_.slope_x(), at_.slope_y()}) {
+      residuals[i] = p[slope] / options_.slope_sigma;
+      put(slope, 1 / options_.slope_sigma);
+      ++i;
+    }
   }
 
   const photometry::RingMap& map_;
@@ -219,6 +240,7 @@ class SpreadCost final : public ceres::CostFunction {
   std::vector<double> nodes_, area_px_, halos_, transmission_;
   std::vector<std::vector<NodeShare>> shares_;
   std::vector<size_t> rings_;
+  std::vector<double> ring_x_, ring_y_;
   double core_area_px_ = 0, pixel_sr_ = 0;
 };
 

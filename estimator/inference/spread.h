@@ -20,6 +20,7 @@ struct SpreadOptions {
   double core_fraction = 0.95;  // prior for cameras that saturate in every lamp, and
   double core_fraction_ln_sigma = 0.03;
   double ring_error = 0.02;  // of a ring, relative to the lamp's own light
+  double slope_sigma = 1.0;  // of the sky's gradient, in sky units per half picture
 };
 
 struct LearnedSpread {

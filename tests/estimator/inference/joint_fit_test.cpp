@@ -98,6 +98,13 @@ struct Fixture {
 TEST(JointFit, JacobianIsThatOfFiniteDifferences) {
   const Fixture f(4);
   std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  Scene::RingPattern pattern;
+  for (size_t r = 0; r < f.scene->ring_count(); ++r) {
+    pattern.lens.push_back(0.05 * normal(random));
+    pattern.sky.push_back(0.05 * normal(random));
+  }
+  f.scene->set_pattern(std::move(pattern));
   for (const double mor : {80.0, 900.0, 9000.0}) {
     const std::vector<double> p = f.truth(mor, random);
     const RingData data = f.rings(p, 20, 0, random);
