@@ -19,10 +19,14 @@ class Libcamera : public Uvc {
  protected:
   // libcamera hears of it from udev.
   void plug_and_find(UsbCameraOptions options = {}) {
+    ASSERT_TRUE(eventually(90s, [] { return list_libcamera().empty(); })) << "the last camera is still there";
     plug(std::move(options));
-    ASSERT_TRUE(eventually(90s, [] { return !list_libcamera().empty(); }))
-        << "libcamera does not see the camera";
-    url_ = "libcamera:" + list_libcamera().at(0).id;
+    const auto found = [&] {
+      const auto cameras = list_libcamera();
+      if (!cameras.empty()) url_ = "libcamera:" + cameras.front().id;
+      return !cameras.empty();
+    };
+    ASSERT_TRUE(eventually(90s, found)) << "libcamera does not see the camera";
   }
   SourceOptions through_libcamera(std::vector<ExposureSetting> bracket = {}) const {
     SourceOptions options = source(std::move(bracket));
