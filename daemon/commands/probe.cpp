@@ -16,6 +16,7 @@
 #include "daemon/schedule/clock.h"
 #include "daemon/sources/checks.h"
 #include "daemon/sources/fault.h"
+#include "daemon/sources/libcamera_camera.h"
 #include "daemon/sources/open_source.h"
 
 namespace lampglow::daemon {
@@ -43,6 +44,20 @@ void describe(const FrameSource& source, const SourceInfo& info) {
   }
   fmt::print("locked    {}\n", !info.locked ? "can't be known" : *info.locked ? "yes" : "NO");
   for (const std::string& note : info.notes) fmt::print("note      {}\n", note);
+}
+
+// For `probe libcamera:`, whose cameras have names that nobody guesses.
+void list_cameras() {
+  const auto cameras = list_libcamera();
+  if (cameras.empty())
+    throw IoError(fmt::format("{}: libcamera finds no camera\n  {}", to_string(Fault::device_missing),
+                              fault_info(Fault::device_missing).meaning));
+  for (const LibcameraListing& camera : cameras) {
+    fmt::print("source    libcamera:{}\n", camera.id);
+    fmt::print("driver    {}\n", camera.info.driver);
+    for (const std::string& format : camera.info.formats) fmt::print("offers    {}\n", format);
+    for (const std::string& control : camera.info.controls) fmt::print("control   {}\n", control);
+  }
 }
 
 // What the device says of its samples; else enough bits for the brightest, 8 at least.
@@ -163,6 +178,7 @@ void run(ProbeOptions options) {
   for (const double exposure_s : options.exposures_s) options.source.bracket.push_back({exposure_s});
   StopOnSignal signals;
   try {
+    if (options.source.url == "libcamera:") return list_cameras();
     probe(options, signals.token());
   } catch (const SourceError& error) {
     throw IoError(fmt::format("{}: {}\n  {}", to_string(error.fault()), error.what(),
@@ -179,7 +195,7 @@ void add_probe(CLI::App& program) {
   command
       ->add_option("SOURCE", options->source.url,
                    "http(s)://... (snapshot), mjpeg+http(s)://..., rtsp://..., v4l2:DEVICE, "
-                   "watch:FOLDER or archive:PATH")
+                   "libcamera:ID (libcamera: alone lists them), watch:FOLDER or archive:PATH")
       ->required();
   command->add_option("--credentials", options->source.credentials_file, "File with one line USER:PASSWORD");
   command->add_option("--ca", options->source.ca_file,

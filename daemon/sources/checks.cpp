@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace lampglow::daemon {
 namespace {
@@ -34,6 +35,20 @@ bool has_grey_fill(const Image<std::uint16_t>& picture, int bit_depth) {
   const double tolerance = full / 256;
   return std::all_of(picture.pixels.end() - count, picture.pixels.end(),
                      [=](std::uint16_t value) { return std::abs(value - fill) <= tolerance; });
+}
+
+bool follows_exposure(const Bracket& bracket, int bit_depth) {
+  const Exposure &shortest = bracket.exposures.front(), &longest = bracket.exposures.back();
+  if (!shortest.exposure_s || !longest.exposure_s || *longest.exposure_s < 4 * *shortest.exposure_s)
+    return true;
+  const auto mean_dn = [](const Exposure& exposure) {
+    const auto& pixels = exposure.pixels.pixels;
+    return std::accumulate(pixels.begin(), pixels.end(), 0.0) / static_cast<double>(pixels.size());
+  };
+  const double full_dn = std::ldexp(1.0, bit_depth) - 1;
+  const double dark_dn = mean_dn(shortest);
+  const bool shows_light = std::ranges::max(shortest.pixels.pixels) > full_dn / 4;
+  return !shows_light || dark_dn > 0.9 * full_dn || mean_dn(longest) > 1.02 * dark_dn;
 }
 
 std::uint64_t picture_hash(const Image<std::uint16_t>& picture) {

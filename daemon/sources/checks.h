@@ -29,6 +29,12 @@ bool is_black(const Image<std::uint16_t>& picture);
 // decoder that ran out of data. Nights have flat black, but no flat mid-grey.
 bool has_grey_fill(const Image<std::uint16_t>& picture, int bit_depth);
 
+// A camera may accept an exposure, tell it back (uvcvideo remembers what it wrote) and yet expose as it
+// likes. Then the longest exposure of a bracket is no brighter than the shortest. Judged only where the
+// shortest shows a light and is not bright all over, and the times differ by a factor of 4 or more: there, 2
+// % more light are the least.
+bool follows_exposure(const Bracket& bracket, int bit_depth);
+
 // FNV-1a, 64 bits, over size and pixels.
 std::uint64_t picture_hash(const Image<std::uint16_t>& picture);
 

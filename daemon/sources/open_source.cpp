@@ -9,6 +9,7 @@
 #include "daemon/sources/archive.h"
 #include "daemon/sources/http_mjpeg.h"
 #include "daemon/sources/http_snapshot.h"
+#include "daemon/sources/libcamera_camera.h"
 #include "daemon/sources/rtsp_camera.h"
 #include "daemon/sources/v4l2_camera.h"
 #include "daemon/sources/watch_folder.h"
@@ -36,6 +37,7 @@ std::unique_ptr<FrameSource> open_source(const SourceOptions& options) {
   if (is("mjpeg+http://") || is("mjpeg+https://")) return std::make_unique<HttpMjpeg>(options);
   if (is("rtsp://")) return std::make_unique<RtspCamera>(options);
   if (is("v4l2:")) return std::make_unique<V4l2Camera>(options);
+  if (is("libcamera:")) return open_libcamera(options);
   if (is("watch:")) return std::make_unique<WatchFolder>(options);
   if (is("archive:")) return open_archive(url.substr(8));
   throw ConfigError(fmt::format("source '{}': this build can't open its kind", redacted_url(url)));

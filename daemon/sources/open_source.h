@@ -20,9 +20,9 @@ struct SourceOptions {
   // mjpeg+http(s)://HOST/stream       multipart/x-mixed-replace stream of JPEGs
   // rtsp://HOST/stream                H.264, H.265 or MJPEG over RTP over TCP
   // v4l2:/dev/v4l/by-path/...         a Video4Linux device
-  // watch:DIRECTORY                   pictures that another program puts there
-  // archive:PATH                      a recorded archive (archive-format.md)
-  // A user and password in it are refused: they belong into credentials_file.
+  // libcamera:ID                      a camera by its name in libcamera (`lampglow probe libcamera:` lists
+  // them) watch:DIRECTORY                   pictures that another program puts there archive:PATH a recorded
+  // archive (archive-format.md) A user and password in it are refused: they belong into credentials_file.
   std::string url;
 
   // A file with one line USER:PASSWORD (the password may hold any characters). A name without a slash is
@@ -39,8 +39,9 @@ struct SourceOptions {
   int max_redirects = 3;
 
   bool stay_connected = false;  // streams: keep the connection between pictures
-  std::string pixel_format;     // v4l2: FourCC wanted, e.g. "Y12 "; empty: the best for photometry
-  int width_px = 0;             // v4l2: size wanted; 0: the largest
+  std::string pixel_format;  // FourCC wanted of v4l2, e.g. "Y12 ", or libcamera's name; empty: the best for
+                             // photometry
+  int width_px = 0;          // v4l2, libcamera: size wanted; 0: the largest
   int height_px = 0;
   std::vector<ExposureSetting> bracket;      // to begin with; empty: one exposure as the camera stands
   std::optional<int> gain_step{};            // v4l2: the gain control's value; empty: its minimum

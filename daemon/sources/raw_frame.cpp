@@ -55,6 +55,47 @@ constexpr std::array kFormats{
     RawFormat{"JPEG", jpeg, 8},
 };
 
+struct LibcameraName {
+  std::string_view name, fourcc;
+};
+
+constexpr std::array kLibcameraNames{
+    LibcameraName{"R8", "GREY"},
+    LibcameraName{"R10", "Y10 "},
+    LibcameraName{"R12", "Y12 "},
+    LibcameraName{"R16", "Y16 "},
+    LibcameraName{"R10_CSI2P", "Y10P"},
+    LibcameraName{"R12_CSI2P", "Y12P"},
+    LibcameraName{"SRGGB8", "RGGB"},
+    LibcameraName{"SBGGR8", "BA81"},
+    LibcameraName{"SGRBG8", "GRBG"},
+    LibcameraName{"SGBRG8", "GBRG"},
+    LibcameraName{"SRGGB10", "RG10"},
+    LibcameraName{"SBGGR10", "BG10"},
+    LibcameraName{"SGRBG10", "BA10"},
+    LibcameraName{"SGBRG10", "GB10"},
+    LibcameraName{"SRGGB12", "RG12"},
+    LibcameraName{"SBGGR12", "BG12"},
+    LibcameraName{"SGRBG12", "BA12"},
+    LibcameraName{"SGBRG12", "GB12"},
+    LibcameraName{"SRGGB16", "RG16"},
+    LibcameraName{"SBGGR16", "BYR2"},
+    LibcameraName{"SGRBG16", "GR16"},
+    LibcameraName{"SGBRG16", "GB16"},
+    LibcameraName{"SRGGB10_CSI2P", "pRAA"},
+    LibcameraName{"SBGGR10_CSI2P", "pBAA"},
+    LibcameraName{"SGRBG10_CSI2P", "pgAA"},
+    LibcameraName{"SGBRG10_CSI2P", "pGAA"},
+    LibcameraName{"SRGGB12_CSI2P", "pRCC"},
+    LibcameraName{"SBGGR12_CSI2P", "pBCC"},
+    LibcameraName{"SGRBG12_CSI2P", "pgCC"},
+    LibcameraName{"SGBRG12_CSI2P", "pGCC"},
+    LibcameraName{"YUYV", "YUYV"},
+    LibcameraName{"UYVY", "UYVY"},
+    LibcameraName{"NV12", "NV12"},
+    LibcameraName{"MJPEG", "MJPG"},
+};
+
 std::size_t line_bytes(RawKind kind, int width_px) {
   const auto width = static_cast<std::size_t>(width_px);
   switch (kind) {
@@ -196,6 +237,11 @@ std::span<const RawFormat> raw_formats() {
 const RawFormat* find_raw_format(std::string_view fourcc) {
   const auto* found = std::ranges::find(kFormats, fourcc, &RawFormat::fourcc);
   return found == kFormats.end() ? nullptr : found;
+}
+
+const RawFormat* find_libcamera_format(std::string_view name) {
+  const auto* found = std::ranges::find(kLibcameraNames, name, &LibcameraName::name);
+  return found == kLibcameraNames.end() ? nullptr : find_raw_format(found->fourcc);
 }
 
 Exposure decode_raw_frame(const RawFrame& frame, const std::string& name, std::size_t max_pixels) {

@@ -25,6 +25,8 @@ struct RawFormat {
 // Best for photometry first: many bits and one value per pixel before colour, compressed last.
 std::span<const RawFormat> raw_formats();
 const RawFormat* find_raw_format(std::string_view fourcc);  // nullptr: can't be read
+// By libcamera's name of it, "SRGGB12_CSI2P" (libcamera/formats.h).
+const RawFormat* find_libcamera_format(std::string_view name);
 
 // How luma and chroma make green: weights of red and blue in luma, and whether black is 16 and white 235.
 struct YuvCoding {

@@ -9,8 +9,9 @@
 namespace lampglow::daemon {
 namespace {
 
-constexpr std::array<std::string_view, 8> kKinds = {"http://", "https://", "mjpeg+http://", "mjpeg+https://",
-                                                    "rtsp://", "v4l2:",    "watch:",        "archive:"};
+constexpr std::array<std::string_view, 9> kKinds = {
+    "http://", "https://",   "mjpeg+http://", "mjpeg+https://", "rtsp://",
+    "v4l2:",   "libcamera:", "watch:",        "archive:"};
 
 bool holds_password(std::string_view url) {
   const std::size_t begin = url.find("://");

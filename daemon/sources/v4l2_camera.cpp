@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
+#include "daemon/sources/checks.h"
 #include "daemon/sources/fault.h"
 #include "daemon/sources/v4l2_device.h"
 
@@ -18,24 +18,6 @@ namespace {
 constexpr int kSettleFrames = 4;
 // A stream's first frame may be torn; more than this running is a fault.
 constexpr int kMostTornFrames = 5;
-
-// A camera may accept an exposure, tell it back (uvcvideo remembers what it wrote) and yet expose as it
-// likes. Then the longest exposure of a bracket is no brighter than the shortest. Judged only where the
-// shortest shows a light and is not bright all over, and the times differ by a factor of 4 or more: there, 2
-// % more light are the least.
-bool follows_exposure(const Bracket& bracket, int bits) {
-  const Exposure &shortest = bracket.exposures.front(), &longest = bracket.exposures.back();
-  if (!shortest.exposure_s || !longest.exposure_s || *longest.exposure_s < 4 * *shortest.exposure_s)
-    return true;
-  const auto mean_dn = [](const Exposure& exposure) {
-    const auto& pixels = exposure.pixels.pixels;
-    return std::accumulate(pixels.begin(), pixels.end(), 0.0) / static_cast<double>(pixels.size());
-  };
-  const double full_dn = std::ldexp(1.0, bits) - 1;
-  const double dark_dn = mean_dn(shortest);
-  const bool shows_light = std::ranges::max(shortest.pixels.pixels) > full_dn / 4;
-  return !shows_light || dark_dn > 0.9 * full_dn || mean_dn(longest) > 1.02 * dark_dn;
-}
 
 }  // namespace
 

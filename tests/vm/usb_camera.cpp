@@ -23,7 +23,6 @@ constexpr int kStall = -EPIPE;
 constexpr std::uint8_t kTerminal = 1, kProcessing = 2, kOutput = 3;          // entities of the video function
 constexpr std::uint8_t kAutoExposureMode = 2, kExposureTime = 4, kGain = 4;  // their controls (UVC 1.0, A.9)
 constexpr std::uint32_t kPayloadBytes = 16384;
-constexpr std::uint32_t kFrameBytes = UsbCamera::kWidthPx * UsbCamera::kHeightPx * 2;
 constexpr std::uint32_t kFrameInterval_100ns = 500'000;  // 20 frames per second
 
 [[gnu::noinline]] void put(Bytes& bytes, std::uint32_t value, int size) {
@@ -42,65 +41,6 @@ Bytes little(std::uint32_t value, int size) {
 Bytes device_descriptor() {
   // USB 2.0, a device with interface associations, the test vendor of the USB/IP examples.
   return {18, 1, 0x00, 0x02, 0xEF, 2, 1, 64, 0x6B, 0x1D, 0x02, 0x01, 0x00, 0x01, 0, 0, 0, 1};
-}
-
-Bytes control_interface() {
-  Bytes units;
-  append(units,
-         {18, 0x24, 2, kTerminal, 0x01, 0x02, 0, 0, 0, 0, 0, 0, 0, 0, 3, 0x0A, 0, 0});  // mode, exposure time
-  append(units, {11, 0x24, 5, kProcessing, kTerminal, 0, 0, 2, 0x00, 0x02, 0});         // gain
-  append(units, {9, 0x24, 3, kOutput, 0x01, 0x01, 0, kProcessing, 0});
-  Bytes all{9, 4, 0, 0, 0, 0x0E, 1, 0, 0};
-  Bytes header{13, 0x24, 1, 0x00, 0x01};
-  put(header, static_cast<std::uint32_t>(13 + units.size()), 2);
-  put(header, 48'000'000, 4);
-  append(header, {1, 1});
-  append(all, header);
-  append(all, units);
-  return all;
-}
-
-Bytes streaming_interface() {
-  Bytes format{27, 0x24, 4,    1, 1,    'Y',  '1',  '2', ' ', 0, 0, 0x10, 0, 0x80,
-               0,  0,    0xAA, 0, 0x38, 0x9B, 0x71, 16,  1,   0, 0, 0,    0};
-  Bytes frame{30, 0x24, 5, 1, 0};
-  put(frame, UsbCamera::kWidthPx, 2);
-  put(frame, UsbCamera::kHeightPx, 2);
-  put(frame, kFrameBytes * 8 * 2, 4);
-  put(frame, kFrameBytes * 8 * 20, 4);
-  put(frame, kFrameBytes, 4);
-  put(frame, kFrameInterval_100ns, 4);
-  put(frame, 1, 1);
-  put(frame, kFrameInterval_100ns, 4);
-  Bytes all{9, 4, 1, 0, 1, 0x0E, 2, 0, 0};
-  Bytes header{14, 0x24, 1, 1};
-  put(header, static_cast<std::uint32_t>(14 + format.size() + frame.size()), 2);
-  append(header, {0x81, 0, kOutput, 0, 0, 0, 1, 0});
-  append(all, header);
-  append(all, format);
-  append(all, frame);
-  append(all, {7, 5, 0x81, 2, 0x00, 0x02, 0});  // bulk, 512 bytes
-  return all;
-}
-
-Bytes configuration_descriptor() {
-  Bytes functions{8, 11, 0, 2, 0x0E, 3, 0, 0};
-  append(functions, control_interface());
-  append(functions, streaming_interface());
-  Bytes all{9, 2};
-  put(all, static_cast<std::uint32_t>(9 + functions.size()), 2);
-  append(all, {2, 1, 0, 0x80, 250});
-  append(all, functions);
-  return all;
-}
-
-Bytes probe_control() {
-  Bytes control{1, 0, 1, 1};
-  put(control, kFrameInterval_100ns, 4);
-  control.resize(18, 0);
-  put(control, kFrameBytes, 4);
-  put(control, kPayloadBytes, 4);
-  return control;
 }
 
 // The first free high-speed port of the virtual bus.
@@ -128,7 +68,78 @@ struct UsbCamera::Request {
   std::uint8_t setup[8] = {};
 };
 
-UsbCamera::UsbCamera(UsbCameraOptions options) : options_(options), streaming_control_(probe_control()) {
+UsbCamera::Bytes UsbCamera::control_interface() const {
+  const std::uint8_t terminal_controls = plain_ ? 0 : 0x0A, gain_control = plain_ ? 0 : 0x02;
+  Bytes units;
+  append(units, {18, 0x24, 2, kTerminal, 0x01, 0x02, 0, 0, 0, 0, 0, 0, 0, 0, 3, terminal_controls, 0,
+                 0});  // mode, exposure time
+  append(units, {11, 0x24, 5, kProcessing, kTerminal, 0, 0, 2, 0x00, gain_control, 0});  // gain
+  append(units, {9, 0x24, 3, kOutput, 0x01, 0x01, 0, kProcessing, 0});
+  Bytes all{9, 4, 0, 0, 0, 0x0E, 1, 0, 0};
+  Bytes header{13, 0x24, 1, 0x00, 0x01};
+  put(header, static_cast<std::uint32_t>(13 + units.size()), 2);
+  put(header, 48'000'000, 4);
+  append(header, {1, 1});
+  append(all, header);
+  append(all, units);
+  return all;
+}
+
+UsbCamera::Bytes UsbCamera::streaming_interface() const {
+  // The name of the format, as far as it differs, and bits of a pixel.
+  const std::uint8_t code[4] = {'Y', plain_ ? std::uint8_t{'8'} : std::uint8_t{'1'},
+                                plain_ ? std::uint8_t{'0'} : std::uint8_t{'2'},
+                                plain_ ? std::uint8_t{'0'} : std::uint8_t{' '}};
+  const std::uint8_t bits = plain_ ? 8 : 16;
+  Bytes format{27, 0x24, 4,    1, 1,    code[0], code[1], code[2], code[3], 0, 0, 0x10, 0, 0x80,
+               0,  0,    0xAA, 0, 0x38, 0x9B,    0x71,    bits,    1,       0, 0, 0,    0};
+  Bytes frame{30, 0x24, 5, 1, 0};
+  put(frame, width_px_, 2);
+  put(frame, height_px_, 2);
+  put(frame, frame_bytes_ * 8 * 2, 4);
+  put(frame, frame_bytes_ * 8 * 20, 4);
+  put(frame, frame_bytes_, 4);
+  put(frame, kFrameInterval_100ns, 4);
+  put(frame, 1, 1);
+  put(frame, kFrameInterval_100ns, 4);
+  Bytes all{9, 4, 1, 0, 1, 0x0E, 2, 0, 0};
+  Bytes header{14, 0x24, 1, 1};
+  put(header, static_cast<std::uint32_t>(14 + format.size() + frame.size()), 2);
+  append(header, {0x81, 0, kOutput, 0, 0, 0, 1, 0});
+  append(all, header);
+  append(all, format);
+  append(all, frame);
+  append(all, {7, 5, 0x81, 2, 0x00, 0x02, 0});  // bulk, 512 bytes
+  return all;
+}
+
+UsbCamera::Bytes UsbCamera::configuration_descriptor() const {
+  Bytes functions{8, 11, 0, 2, 0x0E, 3, 0, 0};
+  append(functions, control_interface());
+  append(functions, streaming_interface());
+  Bytes all{9, 2};
+  put(all, static_cast<std::uint32_t>(9 + functions.size()), 2);
+  append(all, {2, 1, 0, 0x80, 250});
+  append(all, functions);
+  return all;
+}
+
+UsbCamera::Bytes UsbCamera::probe_control() const {
+  Bytes control{1, 0, 1, 1};
+  put(control, kFrameInterval_100ns, 4);
+  control.resize(18, 0);
+  put(control, frame_bytes_, 4);
+  put(control, kPayloadBytes, 4);
+  return control;
+}
+
+UsbCamera::UsbCamera(UsbCameraOptions options)
+    : options_(std::move(options)),
+      plain_(!options_.picture.empty()),
+      width_px_(static_cast<std::uint32_t>(plain_ ? options_.picture.width_px : kWidthPx)),
+      height_px_(static_cast<std::uint32_t>(plain_ ? options_.picture.height_px : kHeightPx)),
+      frame_bytes_(width_px_ * height_px_ * (plain_ ? 1 : 2)),
+      streaming_control_(probe_control()) {
   int ends[2];
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0) throw std::runtime_error("socketpair");
   fd_ = ends[0];
@@ -146,6 +157,11 @@ UsbCamera::~UsbCamera() {
   ::shutdown(fd_, SHUT_RDWR);  // the cable is pulled
   thread_.join();
   ::close(fd_);
+}
+
+void UsbCamera::show(const Image<std::uint16_t>& picture) {
+  const std::scoped_lock lock(light_);
+  options_.picture = picture;
 }
 
 void UsbCamera::set_light(double lamp_electrons_per_s, double sky_electrons_per_s) {
@@ -267,6 +283,7 @@ UsbCamera::Bytes UsbCamera::get_control(std::uint8_t entity, std::uint8_t select
     std::uint32_t now, low, high, step, usual;
     int size;
   } values{};
+  if (plain_) return {};
   if (entity == kTerminal && selector == kAutoExposureMode)
     values = {mode_, 0, 0, 1 | 8, 8, 1};
   else if (entity == kTerminal && selector == kExposureTime)
@@ -300,6 +317,10 @@ void UsbCamera::expose() {
   double lamp = 0, sky = 0;
   {
     const std::scoped_lock lock(light_);
+    if (plain_) {
+      frame_.assign(options_.picture.pixels.begin(), options_.picture.pixels.end());
+      return;
+    }
     lamp = options_.lamp_electrons_per_s;
     sky = options_.sky_electrons_per_s;
   }

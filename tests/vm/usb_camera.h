@@ -10,6 +10,8 @@
 #include <thread>
 #include <vector>
 
+#include "estimator/photometry/image.h"
+
 namespace lampglow::testing {
 
 // What the camera does when it is told to leave automatic exposure: it does so; it answers with an error; or
@@ -20,6 +22,8 @@ struct UsbCameraOptions {
   UsbLock lock = UsbLock::keeps;
   double lamp_electrons_per_s = 4e6;  // a pixel's, in the lamp's core
   double sky_electrons_per_s = 4e3;
+  // Not empty: a camera without any control that shows this, 8 bits of grey, and counts nothing.
+  Image<std::uint16_t> picture{};
 };
 
 class UsbCamera {
@@ -34,6 +38,7 @@ class UsbCamera {
   UsbCamera(const UsbCamera&) = delete;
   UsbCamera& operator=(const UsbCamera&) = delete;
 
+  void show(const Image<std::uint16_t>& picture);  // of the first one's size
   void set_light(double lamp_electrons_per_s, double sky_electrons_per_s);
 
  private:
@@ -48,13 +53,19 @@ class UsbCamera {
   void video_control(const Request& request, const Bytes& out);
   void set_control(std::uint8_t entity, std::uint8_t selector, const Bytes& out);
   Bytes get_control(std::uint8_t entity, std::uint8_t selector, std::uint8_t what) const;
+  Bytes streaming_interface() const;
+  Bytes control_interface() const;
+  Bytes configuration_descriptor() const;
+  Bytes probe_control() const;
   void give_payload(const Request& request);
   void expose();
 
   UsbCameraOptions options_;
+  const bool plain_;  // shows pictures, has no control
+  const std::uint32_t width_px_, height_px_, frame_bytes_;
   int fd_ = -1;            // our end; the kernel has the other
   int port_ = -1;          // of vhci_hcd
-  std::mutex light_;       // guards the light in options_
+  std::mutex light_;       // guards light and picture in options_
   std::uint8_t mode_ = 8;  // aperture priority: automatic, as webcams come
   std::uint32_t exposure_ = 100;
   std::uint16_t gain_ = 10;

@@ -4,64 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <fstream>
-#include <memory>
-#include <mutex>
 
-#include "daemon/schedule/camera_loop.h"
 #include "daemon/sources/fault.h"
-#include "tests/system/cameras/support.h"
-#include "tests/vm/usb_camera.h"
+#include "tests/vm/usb_fixture.h"
 
 namespace lampglow::testing {
 namespace {
 
 using namespace daemon;
 using namespace std::chrono_literals;
-
-// The capture node of uvcvideo; empty if there is none. Metadata nodes have a higher index.
-std::string uvc_device() {
-  std::error_code ignored;
-  for (const auto& entry : fs::directory_iterator("/sys/class/video4linux", ignored)) {
-    std::string name, index;
-    std::getline(std::ifstream(entry.path() / "index") >> std::ws, index);
-    const auto driver = fs::read_symlink(entry.path() / "device/driver", ignored).filename();
-    const fs::path node = fs::path("/dev") / entry.path().filename();
-    if (driver == "uvcvideo" && index == "0" && fs::exists(node)) return node;
-  }
-  return "";
-}
-
-class Uvc : public ::testing::Test {
- protected:
-  void SetUp() override {
-    if (std::getenv("LAMPGLOW_IN_VM") == nullptr) GTEST_SKIP() << "only within run_vm's virtual machine";
-  }
-  void plug(UsbCameraOptions options = {}) {
-    // The kernel takes a moment to see that the last one is gone.
-    ASSERT_TRUE(eventually(30s, [] { return uvc_device().empty(); })) << uvc_device();
-    camera_ = std::make_unique<UsbCamera>(options);
-    ASSERT_TRUE(eventually(30s, [] { return !uvc_device().empty(); })) << "no /dev/video of the USB camera";
-  }
-  static SourceOptions source(std::vector<ExposureSetting> bracket = {}) {
-    SourceOptions options;
-    options.url = "v4l2:" + uvc_device();
-    options.frame_timeout = 60s;
-    options.bracket = std::move(bracket);
-    return options;
-  }
-  std::unique_ptr<UsbCamera> camera_;
-};
-
-double median_dn(const Exposure& exposure) {
-  auto pixels = exposure.pixels.pixels;
-  std::ranges::nth_element(pixels, pixels.begin() + static_cast<std::ptrdiff_t>(pixels.size() / 2));
-  return pixels[pixels.size() / 2];
-}
-double core_dn(const Exposure& exposure) {
-  return exposure.pixels.at(UsbCamera::kWidthPx / 2, UsbCamera::kHeightPx / 2);
-}
 
 TEST_F(Uvc, BracketIsLockedReadBackRecordedAndSeenInThePictures) {
   plug();
@@ -117,46 +68,6 @@ TEST_F(Uvc, CameraThatOnlySaysItLocksIsBetrayedByItsPictures) {
   EXPECT_NE(bracket->fault.find("do not follow the exposure"), std::string::npos) << bracket->fault;
   for (const Exposure& exposure : bracket->exposures) EXPECT_FALSE(exposure.exposure_s);
 }
-
-// The camera loop's thread, and what it told.
-class Watched {
- public:
-  Watched(SourceOptions source, std::optional<AdaptOptions> adapt, std::chrono::seconds interval) {
-    CameraLoopOptions options;
-    options.id = "usb";
-    options.schedule.interval = interval;
-    options.checks = {UsbCamera::kWidthPx, UsbCamera::kHeightPx, 12, 3};
-    options.adapt = adapt;
-    loop_ = std::make_unique<CameraLoop>(options, open_source(source), clock_,
-                                         CameraCallbacks{[this](SlotReport report) {
-                                                           const std::scoped_lock lock(mutex_);
-                                                           good_ += report.fault == Fault::none;
-                                                           if (report.fault == Fault::none)
-                                                             last_ = std::move(report.bracket);
-                                                         },
-                                                         [this](CameraEvent event) {
-                                                           const std::scoped_lock lock(mutex_);
-                                                           fault_ = event.fault;
-                                                         }});
-    loop_->start();
-  }
-  int good() const { return locked(good_); }
-  Fault fault() const { return locked(fault_); }
-  Bracket last() const { return locked(last_); }
-
- private:
-  template <typename T>
-  T locked(const T& value) const {
-    const std::scoped_lock lock(mutex_);
-    return value;
-  }
-  SystemClock clock_;
-  mutable std::mutex mutex_;
-  int good_ = 0;
-  Fault fault_ = Fault::none;
-  Bracket last_;
-  std::unique_ptr<CameraLoop> loop_;
-};
 
 double share(double dn) {
   return (dn - UsbCamera::kBlack_dn) / (UsbCamera::kFull_dn - UsbCamera::kBlack_dn);

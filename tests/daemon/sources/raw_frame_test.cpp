@@ -85,6 +85,29 @@ TEST(RawFrame, MissingBytesAreTorn) {
   }
 }
 
+// The name says it all: S, the first two rows' colours, bits, packing.
+TEST(RawFrame, LibcameraNamesAreTheirFormats) {
+  for (const std::string order : {"RGGB", "BGGR", "GRBG", "GBRG"}) {
+    for (const int bits : {8, 10, 12, 16}) {
+      for (const std::string packing : {"", "_CSI2P"}) {
+        const bool packed = !packing.empty();
+        if (packed && bits != 10 && bits != 12) continue;
+        const std::string name = "S" + order + std::to_string(bits) + packing;
+        const RawFormat* format = find_libcamera_format(name);
+        ASSERT_NE(format, nullptr) << name;
+        EXPECT_EQ(format->bits, bits) << name;
+        EXPECT_TRUE(format->bayer) << name;
+        EXPECT_EQ(format->green_at_even, order[0] == 'G') << name;
+        EXPECT_EQ(format->kind == RawKind::packed10 || format->kind == RawKind::packed12, packed) << name;
+      }
+    }
+  }
+  EXPECT_EQ(find_libcamera_format("R12")->bits, 12);
+  EXPECT_FALSE(find_libcamera_format("R12")->bayer);
+  EXPECT_EQ(find_libcamera_format("MJPEG")->kind, RawKind::jpeg);
+  EXPECT_EQ(find_libcamera_format("SBGGR10_IPU3"), nullptr);
+}
+
 TEST(RawFrame, EveryNameIsThereOnce) {
   for (const RawFormat& format : raw_formats()) {
     EXPECT_EQ(format.fourcc.size(), 4u);

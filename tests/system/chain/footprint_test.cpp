@@ -74,7 +74,7 @@ TEST(Footprint, MemoryWithA1080pCameraAndProcessorTimeBetweenFrames) {
   const Night night{folder / "large", {}, {}};
   const Lighttpd server(folder / "camera");
   const ChainStation station(folder / "station", night.archive,
-                             fmt::format("url = \"{}\"", server.url("/open/now.jpg")), 2);
+                             fmt::format("url = \"{}\"", server.url("/open/now.jpg")), 5);
   const pid_t pid = station.serving().pid();
   const auto values = [&] {
     std::size_t count = 0;
@@ -86,8 +86,9 @@ TEST(Footprint, MemoryWithA1080pCameraAndProcessorTimeBetweenFrames) {
     save_picture(folder / "camera/www/open/now.jpg", {bytes.begin(), bytes.end()});
     const std::size_t before = values();
     ASSERT_TRUE(eventually(40s, [&] { return values() > before; })) << station.log();
-    // The writer gives back what the frame needed just after it was stored.
-    const bool small = eventually(1s, [&] { return status_kib(pid, "VmRSS") <= kLargest_kib; });
+    // The writer gives back what the frame needed just after it was stored; on a busy machine the next one
+    // may have begun.
+    const bool small = eventually(10s, [&] { return status_kib(pid, "VmRSS") <= kLargest_kib; });
     std::printf("after frame %d: RSS %.1f MiB (anonymous %.1f MiB), peak %.1f MiB\n", frame + 1,
                 status_kib(pid, "VmRSS") / 1024.0, status_kib(pid, "RssAnon") / 1024.0,
                 status_kib(pid, "VmHWM") / 1024.0);

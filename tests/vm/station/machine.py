@@ -113,7 +113,7 @@ def accelerator():
     kernel = pathlib.Path(output_of(HERE.parent / "kernel"))
     probe = subprocess.Popen(
         ["qemu-system-x86_64", "-accel", "kvm", "-nodefaults", "-nographic", "-serial", "stdio", "-no-reboot", "-m", "256",
-         "-kernel", next(kernel.glob("boot/vmlinuz-*")), "-append", "console=ttyS0 panic=-1"],
+         "-kernel", next(kernel.glob("boot/vmlinuz-*")), "-append", "console=ttyS0 panic=-1 no_timer_check"],
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     try:
         said, _ = probe.communicate(timeout=8)
@@ -150,7 +150,7 @@ class Machine:
              "-netdev", f"user,id=n0,restrict=off,hostfwd=tcp:127.0.0.1:{self.port}-10.0.2.15:8080",
              "-device", "virtio-net-pci,netdev=n0,romfile=",
              "-kernel", next(self.kernel.glob("boot/vmlinuz-*")), "-initrd", self.work / "initrd",
-             "-append", "console=ttyS0 quiet panic=-1 mitigations=off"],
+             "-append", "console=ttyS0 quiet panic=-1 no_timer_check mitigations=off"],
             stdin=subprocess.DEVNULL, stdout=console, stderr=subprocess.STDOUT)
         until("machine that takes commands", 300, self.connect)
         return time.monotonic() - begin
