@@ -1,5 +1,6 @@
 #include "estimator/estimate.h"
 
+#include <cmath>
 #include <exception>
 
 #include "estimator/inference/sun.h"
@@ -84,8 +85,21 @@ void estimate_night(const Bracket& bracket, const photometry::RadianceImage& ima
   result.shift_x_px = registered.shift_x_px;
   result.shift_y_px = registered.shift_y_px;
   result.rotation_rad = registered.rotation_rad;
+  if (std::hypot(registered.shift_x_px, registered.shift_y_px) > options.moved_px)
+    result.observation.quality.set(Quality::camera_moved);
   inference::measure_night(image, registered, site, *reference, *inference::halo_model(options.model),
                            options.relative_humidity, options.night, result);
+}
+
+// The sensor's hot pixels that the reference knows are masked, whether they stand out in this frame or not.
+photometry::RadianceImage radiance_of(const Bracket& bracket, const Site& site,
+                                      const std::optional<ClearReference>& reference,
+                                      const EstimatorOptions& options) {
+  photometry::RadianceOptions radiance = options.radiance;
+  if (reference)
+    radiance.hot_pixels.insert(radiance.hot_pixels.end(), reference->hot_pixels.begin(),
+                               reference->hot_pixels.end());
+  return photometry::to_radiance(bracket, site.camera, radiance);
 }
 
 // Takes the day's part into the frame's result.
@@ -157,10 +171,14 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
       photometry::refine_catalogue(catalogue, registered, site.camera.width_px, site.camera.height_px);
   for (auto& frame : frames)
     frame.registered = photometry::register_frame(frame.image, catalogue, options.registration);
-  inference::ReferenceOptions reference = options.reference;
-  reference.rings.skyline_px = skyline_of(clear, site, options);
-  return inference::learn_clear_reference(frames, site, catalogue, *inference::halo_model(options.model),
-                                          reference);
+  inference::ReferenceOptions reference_options = options.reference;
+  reference_options.rings.skyline_px = skyline_of(clear, site, options);
+  auto reference = inference::learn_clear_reference(frames, site, catalogue,
+                                                    *inference::halo_model(options.model), reference_options);
+  photometry::HotPixelLearner hot;
+  for (const auto& frame : frames) hot.add(frame.image.hot_pixels);
+  if (reference) reference->hot_pixels = hot.map();
+  return reference;
 }
 
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
@@ -169,7 +187,7 @@ FrameResult estimate(const Bracket& bracket, const Site& site, const std::option
   result.observation.time_utc = bracket.time_utc;
   result.observation.quality = bracket.quality;
   try {
-    const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    const photometry::RadianceImage image = radiance_of(bracket, site, reference, options);
     result.observation.quality.set(image.quality);
     const std::optional<inference::SunPosition> sun = sun_at(bracket, site);
     // In daylight lamps are off or drowned; in the dark there is no contrast to see.

@@ -28,6 +28,7 @@ struct EstimatorOptions {
   inference::PatchOptions patches;
   inference::DayOptions day;
   inference::CombineOptions combine;
+  double moved_px = 7.5;  // a shift beyond this is no wind shake, which has a σ of 2.5 px: flagged
 };
 
 // The clear reference from one or several clear brackets; empty if none of them shows a lamp of the

@@ -44,14 +44,14 @@ enum class Quality : std::uint8_t {
   no_lamp_visible = 28,
   moving_lights = 29,
   calibrated_distance = 30,
-  window_dirty = 31,
+  // 31 was window_dirty, which nothing ever set.
   // By day.
   no_targets = 32,
   sun_in_picture = 33,
   low_sun = 34,
   shadows = 35,
   snow = 36,
-  rain_on_window = 37,
+  // 37 was rain_on_window, which nothing ever set.
   night_mode = 38,
   // The station.
   clock_unsynchronised = 39,

@@ -309,7 +309,7 @@ std::string Reader::content() {
   return guarded(impl_->file, [&] {
     std::string out;
     for (const char* table : {"station", "camera", "lamp", "lamp_reference", "frame", "observation",
-                              "lamp_fit", "ring_profile", "mean"}) {
+                              "lamp_fit", "ring_profile", "mean", "reference", "reference_lamp"}) {
       SQLite::Statement rows(impl_->database, std::string("SELECT * FROM ") + table + " ORDER BY 1, 2, 3");
       while (rows.executeStep()) {
         out += table;

@@ -151,7 +151,33 @@ CREATE TABLE picture (
 CREATE INDEX picture_by_time ON picture(time_ms);
 )sql";
 
-constexpr std::array kMigrations = {kVersion1, kVersion2};
+// The clear reference over time: the audit trail of relearning in service. Never dropped.
+constexpr const char* kVersion3 = R"sql(
+CREATE TABLE reference (
+  id INTEGER PRIMARY KEY AUTOINCREMENT,  -- ascending in the order of writing, never used again
+  camera_id INTEGER NOT NULL REFERENCES camera(id),    -- whose
+  valid_from_ms INTEGER NOT NULL,  -- frames from this time on are measured against it, until the next row
+  origin INTEGER NOT NULL,     -- 1 from clear brackets, 2 relearned in service, 3 restored by hand
+  base_ms INTEGER NOT NULL,    -- time of the newest clear bracket that it rests on
+  frames INTEGER NOT NULL,     -- clear frames, or brackets, that taught this step
+  hours REAL NOT NULL,         -- the time they span; 0 for clear brackets
+  mor_low_m REAL,              -- the lowest of their 95 % lower bounds of visibility; NULL: not known
+  ln_common REAL,              -- what all lamps had lost or won over the row before; NULL: not relearned
+  restored_id INTEGER REFERENCES reference(id)         -- the row that was gone back to; NULL: none
+) STRICT;
+CREATE INDEX reference_by_camera ON reference(camera_id, id);
+
+CREATE TABLE reference_lamp (
+  reference_id INTEGER NOT NULL REFERENCES reference(id),  -- which reference
+  name TEXT NOT NULL,          -- id in the catalogue; stray-1 and so on for lights that are in none
+  strength REAL NOT NULL,      -- radiance times square pixels, in clear air
+  ln_relearned REAL NOT NULL,  -- of strength over what the clear brackets gave
+  relearned_ms INTEGER,        -- when it last changed; NULL: never
+  PRIMARY KEY (reference_id, name)
+) STRICT, WITHOUT ROWID;
+)sql";
+
+constexpr std::array kMigrations = {kVersion1, kVersion2, kVersion3};
 
 }  // namespace
 

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "storage/means.h"
+#include "storage/references.h"
 #include "storage/rows.h"
 #include "storage/schema.h"
 #include "storage/sqlite.h"
@@ -254,6 +255,27 @@ std::int64_t Store::put_event(const Event& event) {
         to_ms(event.time_utc), event.camera, static_cast<int>(event.kind), static_cast<int>(event.severity),
         event.message);
     const std::int64_t number = impl_->database.getLastInsertRowid();
+    impl_->commit();
+    return number;
+  });
+}
+
+std::int64_t Store::put_reference(CameraNumber camera, const ReferenceRecord& reference) {
+  return guarded(impl_->file, [&] {
+    impl_->begin();
+    impl_->run(
+        "INSERT INTO reference (camera_id, valid_from_ms, origin, base_ms, frames, hours, mor_low_m, "
+        "ln_common, restored_id) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        camera, to_ms(reference.valid_from_utc), static_cast<int>(reference.origin),
+        to_ms(reference.base_utc), reference.frames, reference.hours, reference.mor_low_m,
+        reference.ln_common, reference.restored_number);
+    const std::int64_t number = impl_->database.getLastInsertRowid();
+    for (const ReferenceLampRecord& lamp : reference.lamps)
+      impl_->run(
+          "INSERT INTO reference_lamp (reference_id, name, strength, ln_relearned, relearned_ms) "
+          "VALUES (?, ?, ?, ?, ?)",
+          number, lamp.id, lamp.strength, lamp.ln_relearned,
+          lamp.relearned_utc ? std::optional(to_ms(*lamp.relearned_utc)) : std::nullopt);
     impl_->commit();
     return number;
   });

@@ -13,6 +13,8 @@
 
 namespace lampglow::storage {
 
+struct ReferenceRecord;  // storage/references.h
+
 struct StoreOptions {
   int batch_frames = 64;  // put() commits by itself after so many frames; 1: every frame, for a live station
   int busy_timeout_ms = 5000;  // how long to wait for a lock that another process holds
@@ -42,6 +44,9 @@ class Store {
 
   // Stores an event at once (with what is pending) and returns its number.
   std::int64_t put_event(const Event& event);
+
+  // Stores a clear reference at once (with what is pending) and returns its number.
+  std::int64_t put_reference(CameraNumber camera, const ReferenceRecord& reference);
 
   // Notes a kept picture; the file is the caller's.
   void put_picture(CameraNumber camera, const PictureRecord& picture);

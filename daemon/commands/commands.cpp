@@ -17,6 +17,7 @@ void add_commands(CLI::App& program) {
   add_serve(program);
   add_export(program);
   add_db(program);
+  add_reference(program);
   add_token(program);
   add_version(program);
   add_man(program);

@@ -23,6 +23,7 @@ void add_probe(CLI::App& program);
 void add_serve(CLI::App& program);
 void add_export(CLI::App& program);
 void add_db(CLI::App& program);
+void add_reference(CLI::App& program);
 void add_token(CLI::App& program);
 void add_version(CLI::App& program);
 

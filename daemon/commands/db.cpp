@@ -1,34 +1,20 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <string>
 
 #include "daemon/commands/commands.h"
+#include "daemon/commands/database.h"
 #include "daemon/errors.h"
 #include "storage/maintenance.h"
 
 namespace lampglow::daemon {
 namespace {
 
-void needs_file(const std::string& file) {
-  if (!std::filesystem::is_regular_file(file)) throw IoError(file + ": there is no such database");
-}
-
-void with_errors(const std::function<void()>& work) {
-  try {
-    work();
-  } catch (const storage::StorageError& error) {
-    using Kind = storage::StorageError::Kind;
-    if (error.kind() == Kind::corrupt || error.kind() == Kind::too_new) throw DataError(error.what());
-    throw IoError(error.what());
-  }
-}
-
 void check_database(const std::string& file) {
-  needs_file(file);
-  with_errors([&] {
+  needs_database(file);
+  with_storage_errors([&] {
     const std::string found = storage::check(file, true);
     if (found != "ok") throw DataError(file + ": integrity check failed:\n" + found);
     std::printf("%s: ok\n", file.c_str());
@@ -36,17 +22,17 @@ void check_database(const std::string& file) {
 }
 
 void backup_database(const std::string& file, const std::string& copy) {
-  needs_file(file);
+  needs_database(file);
   if (std::filesystem::exists(copy))
     throw UsageError(copy + ": is there already; it will not be overwritten");
-  with_errors([&] { storage::backup(file, copy); });
+  with_storage_errors([&] { storage::backup(file, copy); });
   std::printf("wrote %s, checked\n", copy.c_str());
 }
 
 void vacuum_database(const std::string& file) {
-  needs_file(file);
+  needs_database(file);
   const auto before = std::filesystem::file_size(file);
-  with_errors([&] { storage::vacuum(file); });
+  with_storage_errors([&] { storage::vacuum(file); });
   std::printf("%s: %ju bytes, before %ju\n", file.c_str(), std::filesystem::file_size(file), before);
 }
 

@@ -1,12 +1,12 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
 
 #include "daemon/commands/commands.h"
+#include "daemon/commands/database.h"
 #include "daemon/errors.h"
 #include "storage/reader.h"
 #include "web/shapes.h"
@@ -28,17 +28,6 @@ TimePoint time_of(const char* option, const std::string& text, TimePoint otherwi
   return *time;
 }
 
-storage::CameraRecord camera_of(storage::Reader& reader, const Arguments& a) {
-  const auto cameras = reader.cameras();
-  if (a.camera.empty() && cameras.size() == 1) return cameras.front();
-  std::string names;
-  for (const auto& camera : cameras) {
-    if (camera.name == a.camera) return camera;
-    names += (names.empty() ? "" : ", ") + camera.name;
-  }
-  throw UsageError("--camera: expected one of " + names + (a.camera.empty() ? "" : ", got " + a.camera));
-}
-
 // Page by page, so that a year needs no more memory than a day.
 void each_row(storage::Reader& reader, storage::ObservationQuery query,
               const std::function<void(const storage::ObservationRow&)>& use) {
@@ -54,10 +43,9 @@ void put(const std::string& text) {
 }
 
 void export_rows(const Arguments& a) {
-  if (!std::filesystem::is_regular_file(a.database))
-    throw IoError(a.database + ": there is no such database");
+  needs_database(a.database);
   storage::Reader reader(a.database);
-  const storage::CameraRecord camera = camera_of(reader, a);
+  const storage::CameraRecord camera = camera_of(reader, a.camera);
   const storage::ObservationQuery query{camera.number,
                                         time_of("--from", a.from, TimePoint{}),
                                         time_of("--to", a.to, parse_time_utc("9999-12-31T00:00:00Z").value()),

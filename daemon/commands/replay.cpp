@@ -29,6 +29,7 @@ struct Arguments {
   std::size_t workers = 0;
   bool json = false;
   bool serve = false;
+  bool relearn = false;
   std::uint16_t port = 8080;
 };
 
@@ -45,6 +46,7 @@ ReplayOptions to_options(const Arguments& arguments) {
   options.csv = path_or_none(arguments.csv);
   options.workers = arguments.workers;
   options.estimator.model = inference::parse_halo_kind(arguments.model).value_or(options.estimator.model);
+  if (arguments.relearn) options.relearn.emplace();
   return options;
 }
 
@@ -147,6 +149,7 @@ void add_replay(CLI::App& program) {
   command->add_option("--model", a->model, "Scattering model of the lamps' halos")
       ->check(CLI::IsMember({"table", "apsf_series", "single", "diffusion"}))
       ->capture_default_str();
+  command->add_flag("--relearn", a->relearn, "Let clear nights teach the reference slowly, as serve does");
   command->add_option("--report", a->report, "Write a report as one HTML file")->type_name("FILE");
   command->add_option("--workers", a->workers, "Threads that estimate; the cores if not given")
       ->check(CLI::Range(1, 1024))

@@ -72,6 +72,10 @@ void refuse_bad_combinations(const SimulateArguments& arguments) {
     if (!known)
       throw UsageError("simulate: --catalogue: no lamp " + id + "; expected L1 to L" + std::to_string(lamps));
   }
+  if (night.nights > 1 && night.hours != simulation::Hours::night)
+    throw UsageError("simulate: --nights is for nights alone, without --day");
+  if (night.clear_nights > 0 && night.mor_max_m <= 12000)
+    throw UsageError("simulate: --clear-nights needs a --mor-max above 12000");
   const fs::path& directory = arguments.run.directory;
   std::error_code error;
   if (fs::exists(directory, error) && !fs::is_directory(directory, error)) {
@@ -161,6 +165,22 @@ void add_simulate(CLI::App& program) {
       ->capture_default_str();
   command->add_option("--mor-max", night.mor_max_m, "Greatest visibility of the night [m]")
       ->check(CLI::Range(20.0, 50000.0))
+      ->capture_default_str();
+  command->add_option("--nights", night.nights, "Spread the frames over so many nights")
+      ->check(CLI::Range(1, 60))
+      ->capture_default_str();
+  command
+      ->add_option("--clear-nights", night.clear_nights, "The first so many of them have nothing below 12 km")
+      ->check(CLI::Range(0, 60))
+      ->capture_default_str();
+  command
+      ->add_option("--ageing", night.ageing,
+                   "Part of their light that the lamps lose from first to last frame")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  command
+      ->add_option("--dirt", night.dirt, "Part of all light that the window loses from first to last frame")
+      ->check(CLI::Range(0.0, 0.9))
       ->capture_default_str();
   command->add_option("--without", arguments->without, "Nuisances to leave out, or all")
       ->delimiter(',')

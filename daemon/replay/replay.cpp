@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include "daemon/config/pending_file.h"
 #include "daemon/config/site_file.h"
 #include "daemon/errors.h"
 #include "daemon/replay/ordered_pool.h"
+#include "daemon/replay/reference_log.h"
 #include "daemon/sources/archive.h"
+#include "estimator/inference/relearner.h"
 #include "estimator/inference/sequence.h"
 #include "estimator/observation_csv.h"
 #include "storage/store.h"
@@ -61,6 +64,14 @@ class Writer {
     if (store_) store_->put(camera_, result);
   }
 
+  // The reference at the beginning, and as a night left it.
+  void put_reference(const storage::ReferenceRecord& record) {
+    if (store_) store_->put_reference(camera_, record);
+  }
+  void put_event(const storage::Event& event) {
+    if (store_) store_->put_event(event);
+  }
+
   void finish() {
     if (store_) {
       store_->commit();
@@ -81,9 +92,10 @@ struct Estimated {
   FrameRole role;
 };
 
-Estimated estimate_frame(const Bracket& bracket, const ReplayResult& run, const EstimatorOptions& options) {
+Estimated estimate_frame(const Bracket& bracket, const Site& site,
+                         const std::optional<ClearReference>& reference, const EstimatorOptions& options) {
   try {
-    return {estimate(bracket, run.site, run.reference, options), bracket.fault, bracket.role};
+    return {estimate(bracket, site, reference, options), bracket.fault, bracket.role};
   } catch (const std::exception& error) {
     FrameResult failed;
     failed.observation.time_utc = bracket.time_utc;
@@ -92,6 +104,50 @@ Estimated estimate_frame(const Bracket& bracket, const ReplayResult& run, const 
     failed.reason = std::string("the estimator failed: ") + error.what();
     return {failed, bracket.fault.empty() ? failed.reason : bracket.fault, bracket.role};
   }
+}
+
+// An archive's frames night by night: where relearning is wanted, no frame of a night is handed out before
+// what the night before it taught is settled. So the result does not depend on how many frames are under
+// work.
+class Nights {
+ public:
+  Nights(ArchiveSource& source, bool apart, std::optional<double> longitude_deg)
+      : source_(source), apart_(apart), longitude_deg_(longitude_deg) {}
+
+  // Empty at the end of a night, and of the archive.
+  std::optional<Bracket> next(const std::stop_token& stop) {
+    if (!held_) held_ = source_.next(stop);
+    more_ = held_.has_value();
+    if (!held_) return std::nullopt;
+    const std::int64_t night = inference::night_number(held_->time_utc, longitude_deg_);
+    if (apart_ && night > night_.value_or(night)) return std::nullopt;
+    night_ = night;
+    return std::exchange(held_, std::nullopt);
+  }
+  // On to the next night; false if the archive is at its end.
+  bool next_night() {
+    night_.reset();
+    return more_;
+  }
+
+ private:
+  ArchiveSource& source_;
+  const bool apart_;
+  const std::optional<double> longitude_deg_;
+  std::optional<Bracket> held_;
+  std::optional<std::int64_t> night_;
+  bool more_ = true;
+};
+
+// What the night taught, if anything: on record, and in force from now on.
+void settle(inference::Relearner& relearner, ReplayResult& run, Writer& writer) {
+  const auto settled = relearner.settle();
+  if (!settled || !settled->lesson.learned()) return;
+  const ClearReference& reference = relearner.reference();
+  run.relearned.push_back({settled->valid_from, settled->lesson, reference});
+  writer.put_reference(reference_record(reference, settled->lesson, settled->valid_from));
+  writer.put_event({0, settled->valid_from, storage::EventKind::reference_learned, storage::Severity::info,
+                    run.site.name, lesson_text(reference, settled->lesson)});
 }
 
 std::size_t worker_count(const ReplayOptions& options) {
@@ -115,25 +171,45 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
                            std::to_string(clear.size()) + " clear_reference brackets");
 
   Writer writer(options, run.site);
+  std::optional<inference::Relearner> relearner;
+  if (options.relearn && run.reference) {
+    relearner.emplace(*run.reference, *options.relearn, run.site.longitude_deg);
+    writer.put_reference(reference_record(*run.reference, run.reference->learned_utc));
+  }
   inference::Sequence sequence;  // hysteresis, trends and the past hour need the order of time
-  OrderedPool<Bracket, Estimated> pool(
-      [&](const std::stop_token& stopped) { return source.next(stopped); },
-      [&](Bracket&& bracket) { return estimate_frame(bracket, run, options.estimator); },
-      [&](Estimated&& frame) {
-        if (frame.role == FrameRole::observation)
-          frame.result.observation = sequence.add(std::move(frame.result.observation));
-        writer.put(frame.result);
-        const TimePoint time = frame.result.observation.time_utc;
-        if (!frame.fault.empty()) run.warnings.push_back(format_time_utc(time) + ": " + frame.fault);
-        run.records.push_back({frame.result.observation, frame.result.reason, frame.fault, frame.role});
-        if (listener.result) listener.result(frame.result);
-        if (listener.progress) listener.progress(run.records.back(), run.records.size(), run.frames);
-      },
-      {worker_count(options), 0});
-  pool.run(stop);
+  const auto take = [&](Estimated&& frame) {
+    if (frame.role == FrameRole::observation) {
+      frame.result.observation = sequence.add(std::move(frame.result.observation));
+      if (relearner) relearner->add(frame.result);
+    }
+    writer.put(frame.result);
+    const TimePoint time = frame.result.observation.time_utc;
+    if (!frame.fault.empty()) run.warnings.push_back(format_time_utc(time) + ": " + frame.fault);
+    run.records.push_back({frame.result.observation, frame.result.reason, frame.fault, frame.role});
+    if (listener.result) listener.result(frame.result);
+    if (listener.progress) listener.progress(run.records.back(), run.records.size(), run.frames);
+  };
+  Nights nights(source, relearner.has_value(), run.site.longitude_deg);
+  do {
+    const std::optional<ClearReference> reference =
+        relearner ? std::optional(relearner->reference()) : run.reference;
+    OrderedPool<Bracket, Estimated> pool(
+        [&](const std::stop_token& stopped) { return nights.next(stopped); },
+        [&](Bracket&& bracket) { return estimate_frame(bracket, run.site, reference, options.estimator); },
+        take, {worker_count(options), 0});
+    pool.run(stop);
+    if (relearner && !stop.stop_requested()) settle(*relearner, run, writer);
+  } while (nights.next_night() && !stop.stop_requested());
   writer.finish();
   run.stopped = run.records.size() < run.frames;
   return run;
+}
+
+const std::optional<ClearReference>& ReplayResult::reference_at(TimePoint time) const {
+  const std::optional<ClearReference>* found = &reference;
+  for (const RelearnedReference& later : relearned)
+    if (later.valid_from <= time) found = &later.reference;
+  return *found;
 }
 
 std::vector<Observation> scored_observations(const ReplayResult& result) {

@@ -11,6 +11,7 @@
 
 #include "daemon/replay/scores.h"
 #include "estimator/estimate.h"
+#include "estimator/inference/relearn.h"
 
 namespace lampglow::daemon {
 
@@ -21,6 +22,7 @@ struct ReplayOptions {
   std::optional<std::filesystem::path> csv;
   std::size_t workers = 0;  // 0: as many as there are cores
   EstimatorOptions estimator;
+  std::optional<inference::RelearnOptions> relearn;  // empty: the reference stays as the archive's own is
 };
 
 // What is kept of every frame. Lamps and ring profiles are not: the report estimates its few frames again.
@@ -31,13 +33,24 @@ struct ReplayRecord {
   FrameRole role = FrameRole::observation;
 };
 
+// The reference after a night that taught something.
+struct RelearnedReference {
+  TimePoint valid_from{};
+  inference::Lesson lesson;
+  std::optional<ClearReference> reference;
+};
+
 struct ReplayResult {
   Site site;
-  std::optional<ClearReference> reference;
-  std::size_t frames = 0;  // in the archive; more than records if the run was stopped
+  std::optional<ClearReference> reference;    // from the clear_reference brackets
+  std::vector<RelearnedReference> relearned;  // ascending in time
+  std::size_t frames = 0;                     // in the archive; more than records if the run was stopped
   std::vector<ReplayRecord> records;
   std::vector<std::string> warnings;
   bool stopped = false;
+
+  // What frames of that time were measured against.
+  const std::optional<ClearReference>& reference_at(TimePoint time) const;
 };
 
 // Called in the run's thread, frame by frame in order; any of them may be empty.

@@ -113,7 +113,8 @@ std::string frame_html(const Shown& shown, const ReplayOptions& options, const R
                        const ArchiveSource& source, const std::map<TimePoint, double>& truth_m) {
   const Bracket bracket =
       load_bracket(options.archive, source.brackets().at(shown.index), result.site.camera);
-  const FrameResult frame = estimate(bracket, result.site, result.reference, options.estimator);
+  const FrameResult frame =
+      estimate(bracket, result.site, result.reference_at(bracket.time_utc), options.estimator);
   const ReplayRecord& record = result.records[shown.index];
   const Observation& o = record.observation;
   const auto truth = truth_m.find(o.time_utc);

@@ -3,6 +3,7 @@
 
 #include <map>
 
+#include "daemon/replay/reference_log.h"
 #include "daemon/replay/replay.h"
 
 namespace lampglow::daemon {
@@ -63,6 +64,9 @@ std::string format_summary(const ReplayResult& result) {
       result.stopped ? "; stopped before the end" : "");
   for (const auto& [reason, count] : reasons)
     text += fmt::format("  {:4} without a value: {}\n", count, reason);
+  for (const RelearnedReference& step : result.relearned)
+    text +=
+        fmt::format("{}: {}\n", format_time_utc(step.valid_from), lesson_text(*step.reference, step.lesson));
   return text;
 }
 

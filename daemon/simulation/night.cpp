@@ -129,17 +129,26 @@ Schedule schedule_of(Hours hours) {
   return {{spring - 14h, spring - 13h - 50min, spring - 3h, spring - 2h - 50min}, spring + 12h, 24h};
 }
 
+int frames_a_night(const NightOptions& options) {
+  return (options.frames + options.nights - 1) / options.nights;
+}
+
 void set_times(Night& night) {
   const Schedule schedule = schedule_of(night.options.hours);
   night.references = static_cast<int>(schedule.references.size());
   night.frames.resize(schedule.references.size() + static_cast<size_t>(night.options.frames));
-  const auto step = duration_cast<seconds>(schedule.length) / night.options.frames;
+  const int a_night = frames_a_night(night.options);
+  const auto step = duration_cast<seconds>(schedule.length) / a_night;
   for (size_t i = 0; i < night.frames.size(); ++i) {
     const bool reference = i < schedule.references.size();
     Frame& frame = night.frames[i];
     frame.role = reference ? FrameRole::clear_reference : FrameRole::observation;
-    frame.time_utc = reference ? schedule.references[i]
-                               : schedule.first + static_cast<int>(i - schedule.references.size()) * step;
+    if (reference) {
+      frame.time_utc = schedule.references[i];
+      continue;
+    }
+    const int number = static_cast<int>(i - schedule.references.size());
+    frame.time_utc = schedule.first + days(number / a_night) + number % a_night * step;
   }
 }
 
@@ -148,11 +157,25 @@ bool after_midnight(TimePoint time) {
   return time - floor<days>(time) < 7h;
 }
 
+// The clear nights first, then all the others as one.
+std::vector<Air> draw_nights(const NightOptions& options, Random& random) {
+  constexpr double kClearMor_m = 12000;
+  const int clear = std::min(options.frames, options.clear_nights * frames_a_night(options));
+  std::vector<Air> air;
+  if (clear > 0)
+    air = draw_weather(clear, std::max(kClearMor_m, options.mor_min_m), options.mor_max_m, random);
+  if (clear < options.frames) {
+    const std::vector<Air> rest =
+        draw_weather(options.frames - clear, options.mor_min_m, options.mor_max_m, random);
+    air.insert(air.end(), rest.begin(), rest.end());
+  }
+  return air;
+}
+
 void set_weather(Night& night) {
   Random random(night.options.seed, {kWeather});
   const double reference_mor_m = random.uniform(15000, 25000);
-  const std::vector<Air> air =
-      draw_weather(night.options.frames, night.options.mor_min_m, night.options.mor_max_m, random);
+  const std::vector<Air> air = draw_nights(night.options, random);
   for (size_t i = 0; i < night.frames.size(); ++i) {
     Frame& frame = night.frames[i];
     const bool reference = frame.role == FrameRole::clear_reference;
@@ -191,6 +214,17 @@ void set_drifts(Night& night) {
   for (size_t i = 0; i < night.frames.size(); ++i) {
     const double share = night.frames[i].role == FrameRole::clear_reference ? 0.01 : 0.12;
     if (night.options.nuisances.gain_drift) night.frames[i].gain = std::exp(share * gain[i]);
+  }
+}
+
+// What nobody undoes from night to night, unlike the drifts, which come back.
+void wear(Night& night) {
+  for (size_t i = static_cast<size_t>(night.references); i < night.frames.size(); ++i) {
+    Frame& frame = night.frames[i];
+    const double part =
+        static_cast<double>(i - static_cast<size_t>(night.references) + 1) / night.options.frames;
+    frame.gain *= 1 - night.options.dirt * part;
+    for (double& strength : frame.lamp_strength) strength *= 1 - night.options.ageing * part;
   }
 }
 
@@ -267,6 +301,7 @@ Night plan_night(const NightOptions& options) {
   set_weather(night);
   set_sky(night);
   set_drifts(night);
+  wear(night);
   if (options.nuisances.dimming) dim_after_midnight(night);
   if (options.nuisances.outages) switch_lamps_off(night);
   if (options.nuisances.shake) shake_camera(night);

@@ -51,6 +51,10 @@ struct NightOptions {
   std::vector<double> targets_m{150, 450, 1350, 4000};  // distances of the day's targets; 1 to 8
   double mor_min_m = 40;                                // weather stays within these
   double mor_max_m = 25000;
+  int nights = 1;        // the frames are spread over so many; more than one by night only
+  int clear_nights = 0;  // the first so many of them have nothing below 12 km
+  double ageing = 0;     // part of their light that all lamps have lost by the last frame, little by little
+  double dirt = 0;       // part of all light that the window has lost by then
   Nuisances nuisances{};
 };
 

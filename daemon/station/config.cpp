@@ -86,6 +86,22 @@ ScheduleOptions read_schedule(std::optional<ConfigTable> table) {
   return schedule;
 }
 
+// [reference]: how clear nights teach. `relearn = false` leaves the reference as its brackets gave it.
+std::optional<inference::RelearnOptions> read_relearn(std::optional<ConfigTable> table) {
+  inference::RelearnOptions relearn;
+  if (!table) return relearn;
+  const bool wanted = table->boolean("relearn").value_or(true);
+  const auto number = [&](const char* key, double& value, NumberRange range) {
+    value = table->number(key, range).value_or(value);
+  };
+  number("clear_mor_m", relearn.clear_mor_m, {2000, 100000});
+  number("least_hours", relearn.least_hours, {0.5, 12});
+  number("step_part", relearn.step_part, {0.01, 1});
+  number("step_cap", relearn.step_cap, {0.001, 0.2});
+  if (!wanted) return std::nullopt;
+  return relearn;
+}
+
 std::string fingerprint_of(const CameraConfig& camera) {
   const SourceOptions& s = camera.source;
   const ScheduleOptions& t = camera.schedule;
@@ -97,9 +113,14 @@ std::string fingerprint_of(const CameraConfig& camera) {
                   s.gain_db_per_step.value_or(-1), s.exposure_unit_s.value_or(-1));
   for (const ExposureSetting& exposure : s.bracket) text += fmt::format("{}|", exposure.exposure_s);
   const auto count = [](const std::optional<seconds>& value) { return value ? value->count() : -1; };
-  return text + fmt::format("{}|{}|{}|{}|{}|{}|{}|{}|{}", t.interval.count(), count(t.in_fog),
-                            count(t.in_clear), t.fog_mor_m, t.clear_mor_m, static_cast<int>(t.part),
-                            t.night_below_deg, camera.adapt_exposure, camera.reference_archive.string());
+  return text +
+         fmt::format("{}|{}|{}|{}|{}|{}|{}|{}|{}", t.interval.count(), count(t.in_fog), count(t.in_clear),
+                     t.fog_mor_m, t.clear_mor_m, static_cast<int>(t.part), t.night_below_deg,
+                     camera.adapt_exposure, camera.reference_archive.string()) +
+         (camera.relearn
+              ? fmt::format("|{}|{}|{}|{}", camera.relearn->clear_mor_m, camera.relearn->least_hours,
+                            camera.relearn->step_part, camera.relearn->step_cap)
+              : "|-");
 }
 
 CameraConfig read_camera_parts(ConfigTable& table, const std::filesystem::path& folder) {
@@ -107,6 +128,7 @@ CameraConfig read_camera_parts(ConfigTable& table, const std::filesystem::path& 
   camera.source = read_source(table.required_table("source"), folder);
   camera.schedule = read_schedule(table.table("schedule"));
   camera.adapt_exposure = table.boolean("adapt_exposure").value_or(true);
+  camera.relearn = read_relearn(table.table("reference"));
   camera.reference_archive = relative_to(folder, table.text("reference_archive").value_or(""));
   if (camera.reference_archive.empty() && camera.source.url.starts_with("archive:"))
     camera.reference_archive = camera.source.url.substr(8);

@@ -9,6 +9,7 @@
 
 #include "daemon/schedule/schedule.h"
 #include "daemon/sources/open_source.h"
+#include "estimator/inference/relearn.h"
 #include "estimator/site.h"
 #include "storage/maintenance.h"
 #include "web/server.h"
@@ -24,6 +25,9 @@ struct CameraConfig {
   // An archive whose clear_reference brackets teach the clear reference; empty: an archive: source's own,
   // else none, and every frame says no_reference.
   std::filesystem::path reference_archive;
+  // Clear nights teach the reference slowly; empty: it stays as the brackets gave it. On by default, for
+  // within a year lamps and window lose more than the fit's prior of 12 % allows for.
+  std::optional<inference::RelearnOptions> relearn = inference::RelearnOptions{};
   // All settings as text: two configurations of a camera are the same if these are.
   std::string fingerprint;
 };

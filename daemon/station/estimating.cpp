@@ -59,7 +59,8 @@ std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera) {
   auto setup = std::make_shared<CameraSetup>();
   setup->name = camera.name;
   setup->site = camera.site;
-  setup->reference = learn_from(camera, setup->estimator);
+  setup->base = setup->reference = learn_from(camera, setup->estimator);
+  setup->relearn = camera.relearn;
   if (!setup->reference)
     log(LogLevel::warning, "no clear reference: frames will say no_reference", {{"camera", camera.name}});
   return setup;

@@ -18,7 +18,9 @@ namespace lampglow::daemon {
 struct CameraSetup {
   std::string name;
   Site site;
-  std::optional<ClearReference> reference;
+  std::optional<ClearReference> base;       // as the clear brackets give it
+  std::optional<ClearReference> reference;  // with what service taught since
+  std::optional<inference::RelearnOptions> relearn;
   EstimatorOptions estimator;
 };
 

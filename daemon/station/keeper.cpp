@@ -111,6 +111,7 @@ void Keeper::start_afresh(TimePoint utc, const std::string& why, bool set_aside_
     failed(error);
     return;
   }
+  references_.assign(in_force_.begin(), in_force_.end());
   open(utc);
 }
 
@@ -133,16 +134,22 @@ void Keeper::add_camera(const std::string& name, const Site& site) {
   attempt([&](Store& store) { numbers_[name] = store.upsert_camera(name, site); });
 }
 
+storage::CameraNumber Keeper::number_of(Store& store, const std::string& camera) {
+  if (!numbers_.contains(camera)) numbers_[camera] = store.upsert_camera(camera, sites_[camera]);
+  return numbers_[camera];
+}
+
 void Keeper::drain() {
   while (!waiting_.empty()) {
     const Waiting& next = waiting_.front();
-    if (!attempt([&](Store& store) {
-          if (!numbers_.contains(next.camera))
-            numbers_[next.camera] = store.upsert_camera(next.camera, sites_[next.camera]);
-          store.put(numbers_[next.camera], next.result);
-        }))
-      return;
+    if (!attempt([&](Store& store) { store.put(number_of(store, next.camera), next.result); })) return;
     waiting_.pop_front();
+  }
+  while (!references_.empty()) {
+    const auto next = references_.front();
+    if (!attempt([&](Store& store) { store.put_reference(number_of(store, next.first), next.second); }))
+      return;
+    if (!references_.empty()) references_.pop_front();
   }
   while (!events_.empty()) {
     Event event = events_.front();
@@ -169,6 +176,12 @@ void Keeper::put(const std::string& camera, FrameResult result) {
 
 void Keeper::put_event(Event event) {
   events_.push_back(std::move(event));
+  if (fault_.empty()) drain();
+}
+
+void Keeper::put_reference(const std::string& camera, const storage::ReferenceRecord& reference) {
+  in_force_[camera] = reference;
+  references_.emplace_back(camera, reference);
   if (fault_.empty()) drain();
 }
 

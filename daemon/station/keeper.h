@@ -10,6 +10,7 @@
 
 #include "daemon/station/config.h"
 #include "storage/maintenance.h"
+#include "storage/references.h"
 #include "storage/store.h"
 
 namespace lampglow::daemon {
@@ -35,6 +36,8 @@ class Keeper {
   // Stores the result, or keeps it in memory until the disk takes it again (the last kMostWaiting).
   void put(const std::string& camera, FrameResult result);
   void put_event(storage::Event event);
+  // The camera's reference from now on. A fresh database gets it, too.
+  void put_reference(const std::string& camera, const storage::ReferenceRecord& reference);
   void put_picture(const std::string& camera, const storage::PictureRecord& picture);
   void erase_picture(const storage::PictureRecord& picture);
 
@@ -57,6 +60,7 @@ class Keeper {
   void open_fresh_if_damaged(TimePoint utc);
   void start_afresh(TimePoint utc, const std::string& why, bool set_aside_first);
   void drain();
+  storage::CameraNumber number_of(storage::Store& store, const std::string& camera);
   // Runs `work` on the open store; what goes wrong is dealt with. False: it was not done.
   bool attempt(const std::function<void(storage::Store&)>& work);
   void failed(const storage::StorageError& error);
@@ -72,6 +76,8 @@ class Keeper {
   std::map<std::string, storage::CameraNumber> numbers_;
   std::deque<Waiting> waiting_;
   std::deque<storage::Event> events_;  // not stored yet
+  std::map<std::string, storage::ReferenceRecord> in_force_;
+  std::deque<std::pair<std::string, storage::ReferenceRecord>> references_;  // not stored yet
   std::string fault_;
   TimePoint utc_{};
   std::chrono::steady_clock::time_point next_try_{}, next_checkpoint_{}, next_retention_{}, next_look_{};

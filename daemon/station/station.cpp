@@ -20,6 +20,7 @@
 #include "daemon/station/log.h"
 #include "daemon/station/picture_keeper.h"
 #include "daemon/station/status_text.h"
+#include "daemon/station/teacher.h"
 #include "storage/reader.h"
 #include "web/live_state.h"
 #include "web/server.h"
@@ -70,10 +71,21 @@ struct Station::Impl {
   void note_fog(const Done& done);
   void tell(Event event);  // from any thread: stored, logged, streamed
   void open_camera(const CameraConfig& camera);
+  void put_in_force(const std::shared_ptr<const CameraSetup>& setup);
+  void adopt(const std::shared_ptr<const CameraSetup>& fresh);
+  void take_over(const Taught& taught);
   void close_camera(const std::string& name);
   void restore(const std::string& camera);
   void on_camera_event(const CameraEvent& event);
   std::vector<std::string> reload(const StationConfig& wanted);
+
+  // Once it runs, the keeper belongs to the writer's thread.
+  void by_writer(std::function<void()> work) {
+    if (writer.joinable())
+      writes.push(std::move(work));
+    else
+      work();
+  }
 
   // What a camera's feed pushes into; the pool takes from it.
   std::shared_ptr<const CameraSetup> setup_of(const std::string& camera) {
@@ -94,6 +106,7 @@ struct Station::Impl {
   std::mutex feeds_mutex;                              // against note_mor from the writer
   // The writer thread's, once it runs:
   std::map<std::string, FogWatch> fog;
+  Teacher teacher;
   PictureKeeper pictures;
   Keeper keeper;
   Backups backups;
@@ -134,24 +147,39 @@ Station::Impl::Impl(const StationConfig& given)
 }
 
 void Station::Impl::open_camera(const CameraConfig& camera) {
-  auto setup = set_up(camera);
   live.set_camera(camera.name, camera.site);
-  // Once it runs, the keeper belongs to the writer's thread.
-  if (writer.joinable())
-    writes.push([this, name = camera.name, site = camera.site] { keeper.add_camera(name, site); });
-  else
-    keeper.add_camera(camera.name, camera.site);
+  by_writer([this, name = camera.name, site = camera.site] { keeper.add_camera(name, site); });
+  adopt(set_up(camera));
   auto feed = make_feed(camera, clock,
                         {[this, name = camera.name](Bracket bracket) {
                            if (auto known = setup_of(name)) jobs.push({std::move(known), std::move(bracket)});
                          },
                          [this](const CameraEvent& event) { on_camera_event(event); }});
-  {
-    const std::scoped_lock lock(setups_mutex);
-    setups[camera.name] = std::move(setup);
-  }
   const std::scoped_lock lock(feeds_mutex);
   feeds[camera.name] = std::move(feed);
+}
+
+void Station::Impl::put_in_force(const std::shared_ptr<const CameraSetup>& setup) {
+  const std::scoped_lock lock(setups_mutex);
+  setups[setup->name] = setup;
+}
+
+// The clear brackets' reference, with what service taught since by the database.
+void Station::Impl::adopt(const std::shared_ptr<const CameraSetup>& fresh) {
+  const Adopted adopted = adopt_reference(config.database(), fresh, utc_time());
+  put_in_force(adopted.setup);
+  by_writer([this, adopted] {
+    if (adopted.to_store) keeper.put_reference(adopted.setup->name, *adopted.to_store);
+    teacher.take_over(adopted);
+  });
+}
+
+// On the writer's thread: a night has taught something.
+void Station::Impl::take_over(const Taught& taught) {
+  log(LogLevel::info, taught.event.message, {{"camera", taught.setup->name}});
+  put_in_force(taught.setup);
+  keeper.put_reference(taught.setup->name, taught.record);
+  keeper.put_event(taught.event);
 }
 
 // The last hour from the database, so that a restart does not forget what the air is like.
@@ -233,6 +261,7 @@ void Station::Impl::take(Done done) {
   const Observation& observation = done.result.observation;
   const bool was_foggy = fog[name].in_fog();
   keeper.put(name, done.result);
+  if (const auto taught = teacher.add(done)) take_over(*taught);
   note_fog(done);
   if (done.pictures.plain_jpeg) {
     const bool began = !was_foggy && fog[name].in_fog();
@@ -253,6 +282,7 @@ void Station::Impl::write() {
       malloc_trim(0);  // what the frame needed and freed goes back to the system: some ms a frame
     }
     keeper.tick(utc_time(), steady_clock::now());
+    for (const Taught& taught : teacher.tick(utc_time())) take_over(taught);
     backups.tick(utc_time());
   }
   keeper.close();
@@ -316,7 +346,10 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
   std::set<std::string> wanted_names;
   for (const CameraConfig& camera : wanted.cameras) {
     wanted_names.insert(camera.name);
-    if (before.contains(camera.name) && before[camera.name] == camera.fingerprint) continue;
+    if (before.contains(camera.name) && before[camera.name] == camera.fingerprint) {
+      if (const auto setup = setup_of(camera.name)) adopt(setup);  // `lampglow reference restore`
+      continue;
+    }
     close_camera(camera.name);
     open_camera(camera);
     const std::scoped_lock lock(feeds_mutex);
@@ -325,6 +358,7 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
   for (const auto& [name, fingerprint] : before)
     if (!wanted_names.contains(name)) {
       close_camera(name);
+      writes.push([this, gone = name] { teacher.forget(gone); });
       left.push_back("camera " + name + " is stopped, but stays in answers until a restart");
     }
   writes.push([this, wanted] {

@@ -196,6 +196,11 @@ void fill_flags(const Night& night, const photometry::RegisteredFrame& registere
     flags.set(Quality::gain_drift);
   if (!night.fit.converged) flags.set(Quality::fit_not_converged);
   if (night.fit.chi2_per_ring > options.poor_chi2) flags.set(Quality::poor_fit);
+  if (night.scene.lamps().size() > scene.lamps().size()) flags.set(Quality::moving_lights);
+  constexpr double kAtBound = 0.01;  // of ln σ
+  if (night.fit.ln_sigma() > std::log(kMorTimesExtinction / options.fit.min_mor_m) - kAtBound ||
+      night.fit.ln_sigma() < std::log(kMorTimesExtinction / options.fit.max_mor_m) + kAtBound)
+    flags.set(Quality::at_bound);
 }
 
 }  // namespace

@@ -24,6 +24,8 @@ struct ReferenceLamp {
       0;  // sum over its picture's pixels (radiance times px²), freed of the reference night's extinction
   double strength_rel_sigma = 0;  // its usual variation from night to night, and the uncertainty of the above
   bool catalogued = true;
+  double ln_relearned = 0;  // of strength over what the clear brackets gave: the sum of what service taught
+  std::optional<TimePoint> relearned_utc{};  // when last; empty: never
 };
 
 // A value: copies share the precomputed scene, which never changes.

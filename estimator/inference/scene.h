@@ -99,6 +99,9 @@ class Scene {
   // The same with guests after its own lamps. Costs a fraction of making a scene.
   Scene with_guests(std::span<const SceneLamp> guests) const;
 
+  // The same with each own lamp's ln strength changed.
+  Scene with_strengths(std::span<const double> ln_change) const;
+
   size_t ring_count() const { return rings_; }
   const std::vector<SceneLamp>& lamps() const { return lamps_; }
   const std::vector<double>& node_theta_rad() const { return node_theta_; }

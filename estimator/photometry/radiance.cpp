@@ -325,7 +325,8 @@ void mark_hot_pixels(const RadianceOptions& options, RadianceImage& image) {
       if (image.mask.contains(pixel.column, pixel.row)) image.mask.at(pixel.column, pixel.row) |= kHot;
   };
   mark(options.hot_pixels);
-  if (options.find_hot_pixels) mark(find_hot_pixels(image.radiance, image.variance));
+  if (options.find_hot_pixels) image.hot_pixels = find_hot_pixels(image.radiance, image.variance);
+  mark(image.hot_pixels);
 }
 
 void check_options(const Camera& camera, const RadianceOptions& options) {

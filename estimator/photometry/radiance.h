@@ -42,8 +42,9 @@ struct RadianceOptions {
 // frame's own linear DN (`relative`): only ratios within the frame mean something.
 struct RadianceImage {
   Image<float> radiance;
-  Image<float> variance;     // infinite where kSaturated, kHot or kInvalid
-  Image<std::uint8_t> mask;  // 0 or the bits above
+  Image<float> variance;                 // infinite where kSaturated, kHot or kInvalid
+  Image<std::uint8_t> mask;              // 0 or the bits above
+  std::vector<PixelIndex> hot_pixels{};  // that stand out in this picture, known or not; as looked for
   bool relative = false;
   double saturation_radiance = 0;  // what the shortest exposure can just hold
   double shortest_s =

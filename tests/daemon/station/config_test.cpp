@@ -41,6 +41,21 @@ std::string complaint(const std::string& text) {
   return "no complaint";
 }
 
+TEST(StationConfig, ClearNightsTeachUnlessToldOtherwise) {
+  const auto relearn = [](const std::string& more) {
+    return parse(kSite + kSource + more).cameras.at(0).relearn;
+  };
+  ASSERT_TRUE(relearn(""));
+  EXPECT_EQ(relearn("")->clear_mor_m, 6000);
+  EXPECT_EQ(relearn("[reference]\nclear_mor_m = 8000.0\nstep_cap = 0.02\n")->clear_mor_m, 8000);
+  EXPECT_EQ(relearn("[reference]\nstep_cap = 0.02\n")->step_cap, 0.02);
+  EXPECT_FALSE(relearn("[reference]\nrelearn = false\n"));
+  EXPECT_THAT(complaint(kSite + kSource + "[reference]\nclear_mor_m = 500.0\n"), HasSubstr("clear_mor_m"));
+  EXPECT_NE(parse(kSite + kSource).cameras.at(0).fingerprint,
+            parse(kSite + kSource + "[reference]\nrelearn = false\n").cameras.at(0).fingerprint)
+      << "a reload takes it over";
+}
+
 TEST(StationConfig, OneCameraWithItsTablesInTheFile) {
   const StationConfig config =
       parse(kSite + kSource +

@@ -12,6 +12,7 @@
 
 #include "daemon/station/picture_keeper.h"
 #include "storage/reader.h"
+#include "storage/references.h"
 #include "tests/storage/sample.h"
 #include "tests/support/temporary_folder.h"
 
@@ -55,6 +56,22 @@ class KeeperTest : public testing::Test {
   std::vector<storage::Event> events;
   std::string fault;
 };
+
+TEST_F(KeeperTest, AFreshDatabaseGetsTheReferenceInForce) {
+  auto k = keeper();
+  storage::ReferenceRecord record;
+  record.lamps = {{"L1", 3.5, -0.1, {}}};
+  k->put_reference("quay", record);
+  record.origin = storage::ReferenceOrigin::relearned;
+  k->put_reference("quay", record);
+  EXPECT_EQ(storage::ReferenceReader(file).references(1).size(), 2U);
+  std::filesystem::remove(file);
+  k->tick(start, Clock::now() + std::chrono::hours(1));
+  k->tick(start, Clock::now() + std::chrono::hours(2));
+  const auto kept = storage::ReferenceReader(file).references(1);
+  ASSERT_EQ(kept.size(), 1U);
+  EXPECT_EQ(kept[0].origin, storage::ReferenceOrigin::relearned);
+}
 
 TEST_F(KeeperTest, EveryFrameIsThereAtOnceForReaders) {
   auto k = keeper();
