@@ -74,7 +74,8 @@ FrameCost::FrameCost(const Scene& scene, const HaloModel& halo, const RingData& 
 }
 
 double FrameCost::ring_residual(size_t r, double model, double& slope) const {
-  const double tail = starts_lamp(scene_, r) ? kCoreTail : options_.ring_tail;
+  // Of one exposure that is not told (8 bits, saturated) the core is the least trusted ring.
+  const double tail = options_.gain_known && starts_lamp(scene_, r) ? kCoreTail : options_.ring_tail;
   const double residual = soften((model - data_.value[r]) / data_.sigma[r], tail, slope);
   slope /= data_.sigma[r];
   return residual;

@@ -209,7 +209,7 @@ RingData ring_data(const photometry::RadianceImage& image, const photometry::Reg
       const bool steep = k > 0 && map.edges_rad[k] < 1.5 * map.edges_rad[1];
       const bool doubtful_core = k == 0 && image.relative;
       const double wide = std::pow(map.rings[first + k].theta_mean_rad / kWide_rad, 2);
-      const double of_sky = std::hypot(errors.of_sky, errors.of_wide_sky * wide);
+      const double of_sky = std::hypot(errors.of_sky, image.relative ? 0.0 : errors.of_wide_sky * wide);
       const double of_light = steep ? errors.steep : doubtful_core ? errors.relative_core : errors.of_light;
       data.value.push_back(ring.mean);
       data.used.push_back(ring.pixels > 0 && std::isfinite(ring.variance));
@@ -278,7 +278,8 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   reference.chi2_per_ring = learned.chi2_per_ring;
   reference.spread = learned.spread;
   auto scene = std::make_shared<Scene>(site.camera, lamps, learned.spread, *reference.rings);
-  scene->set_pattern(pattern_of(mean, learned));
+  // Saturated cores leave the spread too loosely known to tell a pattern from it.
+  if (!reference.relative) scene->set_pattern(pattern_of(mean, learned));
   reference.scene = std::move(scene);
   return reference;
 }
