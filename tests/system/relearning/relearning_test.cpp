@@ -141,14 +141,6 @@ TEST_F(Relearning, FogAllWeekTeachesNothing) {
   run_well({"replay", at("fog"), "--relearn", "--csv", at("fog.csv"), "--db", at("fog.db")});
   EXPECT_EQ(read_all(at("fog.csv")), read_all(at("fog-fixed.csv")));
   EXPECT_EQ(references_in(at("fog.db")).size(), 1U) << "the clear brackets' own";
-
-  // Flags of fog that unit tests of one frame do not reach (tests/estimator/flags_test.cpp has the others).
-  storage::Reader reader(at("fog.db"));
-  QualityFlags flags;
-  for (const auto& row : reader.observations({1, TimePoint{}, TimePoint::max(), 0, {}, 1000}))
-    flags.set(row.observation.quality);
-  std::printf("flags of the foggy week: %s\n", flags.to_string().c_str());
-  EXPECT_TRUE(flags.has(Quality::limit_below));
 }
 
 TEST_F(Relearning, TheStationRelearnsRemembersAndGoesBack) {
