@@ -50,10 +50,10 @@ FLOORS = {
     "bracket, 1 lamp": {"fog_wrong": 0},
     "bracket, 3 lamps": {"wmo_share": 0.4, "fog_wrong": 0, "weather_share": 0.8},
     "bracket, 20 lamps": {"wmo_share": 0.85, "coverage": 0.6, "worst_factor": 1.5, "fog_wrong": 0, "weather_share": 0.85},
-    "webcam, 7 lamps": {"wmo_share": 0.4, "fog_wrong": 1, "weather_share": 0.8},
+    "webcam, 7 lamps": {"wmo_share": 0.6, "fog_wrong": 0, "weather_share": 0.8},
     "webcam, 1 lamp": {"fog_wrong": 1},
-    "webcam, 3 lamps": {"fog_wrong": 1, "weather_share": 0.7},
-    "webcam, 20 lamps": {"wmo_share": 0.3, "fog_wrong": 0, "weather_share": 0.8},
+    "webcam, 3 lamps": {"fog_wrong": 1, "weather_share": 0.55},
+    "webcam, 20 lamps": {"wmo_share": 0.4, "fog_wrong": 0, "weather_share": 0.8},
     "one known lamp, 180 m": {"wmo_share": 0.55, "fog_wrong": 3},
     "cut-off, 7 lamps": {"wmo_share": 0.6, "worst_factor": 1.5, "fog_wrong": 0},
 }
