@@ -114,6 +114,26 @@ void run_simulate(SimulateArguments& arguments) {
              arguments.night.seed);
 }
 
+// Several nights in a row, and what wears lamps and window over them.
+void add_nights(CLI::App& command, NightOptions& night) {
+  command.add_option("--nights", night.nights, "Spread the frames over so many nights")
+      ->check(CLI::Range(1, 60))
+      ->capture_default_str();
+  command
+      .add_option("--clear-nights", night.clear_nights, "The first so many of them have nothing below 12 km")
+      ->check(CLI::Range(0, 60))
+      ->capture_default_str();
+  command
+      .add_option("--ageing", night.ageing,
+                  "Part of their light that the lamps lose from first to last frame")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+  command
+      .add_option("--dirt", night.dirt, "Part of all light that the window loses from first to last frame")
+      ->check(CLI::Range(0.0, 0.9))
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void add_simulate(CLI::App& program) {
@@ -166,22 +186,7 @@ void add_simulate(CLI::App& program) {
   command->add_option("--mor-max", night.mor_max_m, "Greatest visibility of the night [m]")
       ->check(CLI::Range(20.0, 50000.0))
       ->capture_default_str();
-  command->add_option("--nights", night.nights, "Spread the frames over so many nights")
-      ->check(CLI::Range(1, 60))
-      ->capture_default_str();
-  command
-      ->add_option("--clear-nights", night.clear_nights, "The first so many of them have nothing below 12 km")
-      ->check(CLI::Range(0, 60))
-      ->capture_default_str();
-  command
-      ->add_option("--ageing", night.ageing,
-                   "Part of their light that the lamps lose from first to last frame")
-      ->check(CLI::Range(0.0, 0.9))
-      ->capture_default_str();
-  command
-      ->add_option("--dirt", night.dirt, "Part of all light that the window loses from first to last frame")
-      ->check(CLI::Range(0.0, 0.9))
-      ->capture_default_str();
+  add_nights(*command, night);
   command->add_option("--without", arguments->without, "Nuisances to leave out, or all")
       ->delimiter(',')
       ->check(CLI::IsMember(nuisance_names()));
