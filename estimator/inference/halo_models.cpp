@@ -1,6 +1,9 @@
 #include "estimator/inference/halo_models.h"
 
+#include <vector>
+
 #include "estimator/scattering/glow_model.h"
+#include "estimator/scattering/glow_table.h"
 
 namespace lampglow::inference {
 namespace {
@@ -15,12 +18,18 @@ struct Domain {
 // Within what glow_model.h says of each model, and where the fit has any use for it.
 constexpr Domain kDomains[] = {{0.01, 15, 0.965}, {1.01, 15, 0.98}, {0.001, 15, 0.965}, {0.001, 15, 0.965}};
 
-class Scattering final : public HaloModel {
+class Scattering : public HaloModel {
  public:
   explicit Scattering(HaloKind kind)
       : model_(static_cast<scattering::GlowModel>(kind)), domain_(kDomains[static_cast<size_t>(kind)]) {}
   void profile(double thickness, double q, std::span<const double> theta_rad, std::span<double> value,
                std::span<double> d_ln_thickness, std::span<double> d_q) const override {
+    std::vector<double> unwanted;  // these models always give them
+    if (d_q.empty()) {
+      unwanted.resize(2 * theta_rad.size());
+      d_ln_thickness = std::span(unwanted).first(theta_rad.size());
+      d_q = std::span(unwanted).last(theta_rad.size());
+    }
     scattering::glow_profile(model_, thickness, q, kFogAlbedo, theta_rad, value, d_ln_thickness, d_q);
   }
   double min_thickness() const override { return domain_.min_thickness; }
@@ -30,6 +39,22 @@ class Scattering final : public HaloModel {
  private:
   scattering::GlowModel model_;
   Domain domain_;
+};
+
+// A fit asks for the scene's own angles alone: there the table is summed up beforehand.
+class TableHalo final : public Scattering {
+ public:
+  TableHalo() : Scattering(HaloKind::table) {}
+  void profile(double thickness, double q, std::span<const double> theta_rad, std::span<double> value,
+               std::span<double> d_ln_thickness, std::span<double> d_q) const override {
+    if (theta_rad.data() == scene_nodes_rad().data())
+      at_nodes_.profile(thickness, q, value, d_ln_thickness, d_q);
+    else
+      Scattering::profile(thickness, q, theta_rad, value, d_ln_thickness, d_q);
+  }
+
+ private:
+  scattering::GlowAtAngles at_nodes_{scattering::default_glow_table(), kFogAlbedo, scene_nodes_rad()};
 };
 
 static_assert(static_cast<int>(scattering::GlowModel::table) == static_cast<int>(HaloKind::table));
@@ -52,7 +77,7 @@ std::optional<HaloKind> parse_halo_kind(std::string_view text) {
 
 std::shared_ptr<const HaloModel> halo_model(HaloKind kind) {
   static const std::shared_ptr<const HaloModel> kModels[] = {
-      std::make_shared<const Scattering>(HaloKind::table),
+      std::make_shared<const TableHalo>(),
       std::make_shared<const Scattering>(HaloKind::apsf_series),
       std::make_shared<const Scattering>(HaloKind::single),
       std::make_shared<const Scattering>(HaloKind::diffusion)};

@@ -24,17 +24,17 @@ struct Between {
   double fraction;
 };
 
-Between locate(const std::vector<double>& nodes, double theta) {
-  const double step = std::log(nodes[1] / nodes[0]);
+Between locate(std::span<const double> nodes, double theta) {
+  static const double per_node = (kSceneNodes - 1) / std::log(kLastNodeRad / kFirstNodeRad);
   const double position =
-      std::clamp(std::log(theta / nodes[0]) / step, 0.0, static_cast<double>(nodes.size()) - 1.0001);
+      std::clamp(std::log(theta / nodes[0]) * per_node, 0.0, static_cast<double>(nodes.size()) - 1.0001);
   const auto node = static_cast<size_t>(position);
   return {node, position - static_cast<double>(node)};
 }
 
 // Adds the weights with which node values make the value at theta: θ·f is interpolated, which a halo's 1/θ
 // makes flat.
-void add_weight(const std::vector<double>& nodes, double theta, double weight, std::span<double> weights) {
+void add_weight(std::span<const double> nodes, double theta, double weight, std::span<double> weights) {
   theta = std::max(theta, nodes[0]);
   const Between at = locate(nodes, theta);
   weights[at.node] += weight * (1.0 - at.fraction) * nodes[at.node] / theta;
@@ -42,6 +42,11 @@ void add_weight(const std::vector<double>& nodes, double theta, double weight, s
 }
 
 }  // namespace
+
+std::span<const double> scene_nodes_rad() {
+  static const std::vector<double> nodes = log_nodes(kFirstNodeRad, kLastNodeRad, kSceneNodes);
+  return nodes;
+}
 
 SkyPosition sky_position(const photometry::Ring& ring, const Camera& camera) {
   return {2.0 * ring.mean_x_px / camera.width_px - 1.0,
@@ -64,8 +69,7 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
       lamps_(std::move(lamps)),
       spread_(spread),
       ring_shapes_(std::make_shared<const std::vector<photometry::Ring>>(map.rings)),
-      rings_(map.rings.size()),
-      node_theta_(log_nodes(kFirstNodeRad, kLastNodeRad, kSceneNodes)) {
+      rings_(map.rings.size()) {
   for (const SceneLamp& lamp : lamps_) add_geometry(lamp);
   axis_pixel_sr_ = 1.0 / (scale_.focal_length_px * scale_.focal_length_px);
   core_area_px_ = std::numbers::pi * map.edges_rad[1] * map.edges_rad[1] / axis_pixel_sr_;
@@ -76,7 +80,7 @@ Scene::Scene(const Camera& camera, std::vector<SceneLamp> lamps, const PointSpre
     ring_x_.push_back(position.x);
     ring_y_.push_back(position.y);
   }
-  for (const double theta : node_theta_)
+  for (const double theta : scene_nodes_rad())
     emission_shape_.push_back(std::clamp(std::log(theta / kDegree) / std::log(4.0), 0.0, 1.5));
   for (size_t r = 0; r < rings_; ++r)
     for (size_t j = 0; j < lamps_.size(); ++j) {
@@ -134,7 +138,7 @@ void Scene::add_weights(size_t ring, size_t lamp, std::vector<Range>& ranges) {
   const auto samples = open_samples(ring, lamp);
   const double weight = samples.empty() ? 0 : 1.0 / static_cast<double>(samples.size());
   for (const auto& sample : samples)
-    add_weight(node_theta_, photometry::angle_rad(sample, to_lamp_[lamp]), weight, row);
+    add_weight(scene_nodes_rad(), photometry::angle_rad(sample, to_lamp_[lamp]), weight, row);
   size_t first = 0, last = kSceneNodes;
   while (first < kSceneNodes && row[first] == 0) ++first;
   while (last > first && row[last - 1] == 0) --last;
@@ -162,8 +166,8 @@ void Scene::make_convolution() {
                            axis_pixel_sr_ / kTurns;
       for (int t = 0; t < kTurns; ++t) {
         const double turn = 2.0 * std::numbers::pi * (t + 0.5) / kTurns;
-        const double theta = std::hypot(node_theta_[m] + radius * std::cos(turn), radius * std::sin(turn));
-        if (theta < kLastNodeRad) add_weight(node_theta_, theta, share, row);
+        const double theta = std::hypot(scene_nodes_rad()[m] + radius * std::cos(turn), radius * std::sin(turn));
+        if (theta < kLastNodeRad) add_weight(scene_nodes_rad(), theta, share, row);
       }
     }
     for (size_t n = 0; n < kSceneNodes; ++n) convolution_[n * kSceneNodes + m] = row[n];

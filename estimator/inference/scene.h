@@ -29,7 +29,7 @@ namespace lampglow::inference {
 class HaloModel {
  public:
   virtual ~HaloModel() = default;
-  // For every angle: value, d/d ln T, d/d q. T and q are within the limits below.
+  // For every angle: value, d/d ln T, d/d q (both empty: not wanted). T and q are within the limits below.
   virtual void profile(double thickness, double q, std::span<const double> theta_rad, std::span<double> value,
                        std::span<double> d_ln_thickness, std::span<double> d_q) const = 0;
   virtual double min_thickness() const = 0;
@@ -80,7 +80,9 @@ struct Layout {
   size_t size() const { return common + 4 * lamps; }
 };
 
-inline constexpr size_t kSceneNodes = 64;  // angles at which a lamp's halo is known
+inline constexpr size_t kSceneNodes = 64;
+// The angles at which a lamp's halo is known: the same for every scene, log-spaced.
+std::span<const double> scene_nodes_rad();
 
 // Everything of the model that does not change from frame to frame.
 class Scene {
@@ -104,7 +106,6 @@ class Scene {
 
   size_t ring_count() const { return rings_; }
   const std::vector<SceneLamp>& lamps() const { return lamps_; }
-  const std::vector<double>& node_theta_rad() const { return node_theta_; }
   int lamp_of_ring(size_t ring) const { return owner_[ring]; }
   double direct(size_t ring, size_t lamp) const { return direct_[ring * lamps_.size() + lamp]; }
   const PointSpread& spread() const { return spread_; }
@@ -157,7 +158,7 @@ class Scene {
   std::vector<int> owner_;
   std::vector<char> is_core_;            // the innermost ring of its lamp
   std::vector<double> ring_x_, ring_y_;  // mean position in half picture widths from the middle
-  std::vector<double> node_theta_, emission_shape_;
+  std::vector<double> emission_shape_;
   std::vector<double> solid_angle_;  // of a pixel at each lamp
   std::vector<photometry::Direction> to_lamp_;
   double axis_pixel_sr_ = 0, core_area_px_ = 0;

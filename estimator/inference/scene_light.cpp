@@ -13,26 +13,32 @@ namespace {
 // G and its derivatives at the nodes. Below the table's least T single scattering is all there is, so that g
 // goes as 1/T; beyond its greatest nothing is left of the lamp and the last slope carries on to nothing.
 struct Glow {
-  std::vector<double> value, d_ln_thickness, d_q;
+  std::array<double, kSceneNodes> value{}, d_ln_thickness{}, d_q{};
 };
 
-void glow_at_nodes(const HaloModel& model, double thickness, double q, std::span<const double> theta,
-                   Glow& glow) {
-  for (auto* v : {&glow.value, &glow.d_ln_thickness, &glow.d_q}) v->assign(theta.size(), 0.0);
+void glow_at_nodes(const HaloModel& model, double thickness, double q, bool want_slopes, Glow& glow) {
   const double inside = std::clamp(thickness, model.min_thickness(), model.max_thickness());
   const double clamped_q = std::clamp(q, 0.0, model.max_q());
-  model.profile(inside, clamped_q, theta, glow.value, glow.d_ln_thickness, glow.d_q);
+  const size_t slopes = want_slopes || thickness > inside ? kSceneNodes : 0;
+  model.profile(inside, clamped_q, scene_nodes_rad(), glow.value,
+                std::span(glow.d_ln_thickness).first(slopes), std::span(glow.d_q).first(slopes));
   const double t2 = inside * inside;
   const double ln_ratio = std::log(thickness / inside);
-  for (size_t n = 0; n < theta.size(); ++n) {
+  if (ln_ratio == 0) {
+    for (size_t n = 0; n < kSceneNodes; ++n) {
+      glow.value[n] *= t2;
+      glow.d_ln_thickness[n] = 2.0 * glow.value[n] + t2 * glow.d_ln_thickness[n];
+      glow.d_q[n] *= t2;
+    }
+    return;
+  }
+  for (size_t n = 0; n < kSceneNodes; ++n) {
     const double v = glow.value[n] * t2;
-    const double slope = 2.0 * v + t2 * glow.d_ln_thickness[n];
-    double factor = 1.0, power = v != 0 ? slope / v : 0;
-    if (thickness < inside) power = 1.0;
-    if (thickness > inside) power = std::min(power, -2.0);
-    if (ln_ratio != 0) factor = std::exp(power * ln_ratio);
+    const double slope = v != 0 ? (2.0 * v + t2 * glow.d_ln_thickness[n]) / v : 0;
+    const double power = thickness < inside ? 1.0 : std::min(slope, -2.0);
+    const double factor = std::exp(power * ln_ratio);
     glow.value[n] = v * factor;
-    glow.d_ln_thickness[n] = ln_ratio == 0 ? slope : power * glow.value[n];
+    glow.d_ln_thickness[n] = power * glow.value[n];
     glow.d_q[n] *= t2 * factor;
   }
 }
@@ -139,7 +145,7 @@ Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<cons
   const double scale = strength * kappa * std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 *
                        std::numbers::pi * solid_angle_[j];
   Glow glow;
-  glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], node_theta_, glow);
+  glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], want_jacobian, glow);
   for (size_t n = 0; n < kSceneNodes; ++n) {
     const double shape = 1.0 + p[Layout::emission] * emission_shape_[n];
     double* node = &term.nodes[n * (want_jacobian ? size_t{kTerms} : 1)];

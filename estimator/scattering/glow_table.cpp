@@ -171,6 +171,81 @@ void GlowTable::parts(double thickness, double q, double albedo, std::span<const
   }
 }
 
+// Of one part of the light, by angle: its logarithm and that one's derivatives.
+struct GlowAtAngles::Sums {
+  std::vector<double> value, thickness, q, by_thickness, slope_thickness;
+  explicit Sums(std::size_t angles)
+      : value(angles), thickness(angles), q(angles), by_thickness(angles), slope_thickness(angles) {}
+};
+
+GlowAtAngles::GlowAtAngles(const GlowTable& table, double albedo, std::span<const double> theta_rad)
+    : domain_(table.domain_),
+      q_axis_(table.axes_[GlowTable::kQ]),
+      thickness_axis_(table.axes_[GlowTable::kThickness]),
+      albedo_(albedo),
+      angles_(theta_rad.size()) {
+  table.check(domain_.thickness_min, domain_.q_min, albedo, theta_rad);
+  const SplineWeights wa =
+      spline_weights(table.axes_[GlowTable::kAlbedo], std::sqrt(std::max(0.0, 1 - albedo)));
+  const std::size_t columns = table.axes_[GlowTable::kTheta].coefficients();
+  const std::size_t rows = q_axis_.coefficients() * thickness_axis_.coefficients();
+  for (std::size_t row = 0; row < rows; ++row) {
+    Row multiple{}, single{};
+    for (std::size_t a = 0; a < 4; ++a)
+      add_row(multiple, &table.multiple_[((wa.index + a) * rows + row) * columns], wa.value[a], columns);
+    add_row(single, &table.single_[row * columns], 1.0, columns);
+    for (const double theta : theta_rad) {
+      const SplineWeights w = spline_weights(table.axes_[GlowTable::kTheta], std::log(theta));
+      single_.push_back(at(single, w));
+      multiple_.push_back(at(multiple, w));
+    }
+  }
+}
+
+void GlowAtAngles::contract(const std::vector<double>& coefficients, double thickness, double q,
+                            Sums& sums) const {
+  const SplineWeights wq = spline_weights(q_axis_, -std::log1p(-q));
+  const SplineWeights wt = spline_weights(thickness_axis_, std::log(thickness));
+  for (auto* sum : {&sums.value, &sums.thickness, &sums.q}) std::fill(sum->begin(), sum->end(), 0.0);
+  double* by_thickness = sums.by_thickness.data();
+  double* slope_thickness = sums.slope_thickness.data();
+  for (std::size_t i = 0; i < 4; ++i) {
+    const std::size_t stride = angles_;
+    const double* cell =
+        &coefficients[((wq.index + i) * thickness_axis_.coefficients() + wt.index) * stride];
+    const double value = wq.value[i], slope = wq.slope[i] / (1 - q);  // d(-ln(1-q))/dq
+    for (std::size_t n = 0; n < angles_; ++n) {
+      by_thickness[n] = wt.value[0] * cell[n] + wt.value[1] * cell[stride + n] +
+                        wt.value[2] * cell[2 * stride + n] + wt.value[3] * cell[3 * stride + n];
+      slope_thickness[n] = wt.slope[0] * cell[n] + wt.slope[1] * cell[stride + n] +
+                           wt.slope[2] * cell[2 * stride + n] + wt.slope[3] * cell[3 * stride + n];
+    }
+    for (std::size_t n = 0; n < angles_; ++n) {
+      sums.value[n] += value * by_thickness[n];
+      sums.thickness[n] += value * slope_thickness[n];
+      sums.q[n] += slope * by_thickness[n];
+    }
+  }
+}
+
+void GlowAtAngles::profile(double thickness, double q, std::span<double> total,
+                           std::span<double> d_ln_thickness, std::span<double> d_q) const {
+  if (const std::string outside = domain_.outside(thickness, q, albedo_, {}); !outside.empty())
+    throw std::domain_error(outside);
+  Sums single(angles_), multiple(angles_);
+  contract(single_, thickness, q, single);
+  contract(multiple_, thickness, q, multiple);
+  for (std::size_t n = 0; n < angles_; ++n) {
+    single.value[n] = albedo_ * std::exp(single.value[n]);
+    multiple.value[n] = albedo_ * albedo_ * std::exp(multiple.value[n]);
+    total[n] = single.value[n] + multiple.value[n];
+  }
+  for (std::size_t n = 0; n < d_q.size(); ++n) {
+    d_ln_thickness[n] = single.value[n] * single.thickness[n] + multiple.value[n] * multiple.thickness[n];
+    d_q[n] = single.value[n] * single.q[n] + multiple.value[n] * multiple.q[n];
+  }
+}
+
 const GlowTable& default_glow_table() {
   static const GlowTable table =
       GlowTable::parse(std::span(lampglow_glow_table_begin, lampglow_glow_table_end));

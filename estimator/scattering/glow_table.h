@@ -61,6 +61,7 @@ class GlowTable {
              std::span<double> single, std::span<double> multiple) const;
 
  private:
+  friend class GlowAtAngles;
   static constexpr std::size_t kAlbedo = 0, kQ = 1, kThickness = 2, kTheta = 3;
   struct Rows;
   Rows contract(double thickness, double q, double albedo, bool derivatives) const;
@@ -70,6 +71,28 @@ class GlowTable {
   std::array<SplineAxis, 4> axes_;
   std::vector<float> single_;    // [q][T][θ]: ln(L1 / ω0)
   std::vector<float> multiple_;  // [ω0][q][T][θ]: ln(L2+ / ω0²)
+};
+
+// The table at angles and an albedo that stay the same, as a fit asks it some thousand times a frame: splines
+// along θ and ω0 are then evaluated once and for all.
+class GlowAtAngles {
+ public:
+  // Throws std::domain_error outside the table's domain.
+  GlowAtAngles(const GlowTable& table, double albedo, std::span<const double> theta_rad);
+
+  // As GlowTable::profile() at those angles, to rounding. Both derivatives may be empty: not wanted.
+  void profile(double thickness, double q, std::span<double> total, std::span<double> d_ln_thickness,
+               std::span<double> d_q) const;
+
+ private:
+  struct Sums;
+  void contract(const std::vector<double>& coefficients, double thickness, double q, Sums& sums) const;
+
+  GlowDomain domain_;
+  SplineAxis q_axis_{}, thickness_axis_{};
+  double albedo_ = 1;
+  std::size_t angles_ = 0;
+  std::vector<double> single_, multiple_;  // [q][T][angle]: ln(L1 / ω0), ln(L2+ / ω0²)
 };
 
 // The table that is part of this library; parsed once, at first use. Safe from any thread.
