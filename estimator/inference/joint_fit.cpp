@@ -95,16 +95,19 @@ bool joins(const Mode& mode, const std::vector<Mode>& found) {
 }
 
 // The best fit from each start, best first. Most starts fall into one and the same minimum: those that come
-// near it within a few steps are not followed to its bottom.
+// near it within a few steps are not followed to its bottom, nor those that are far above it by then.
 std::vector<Mode> modes_from_starts(const Scene& scene, const HaloModel& halo, const RingData& data,
                                     const FitOptions& options, int& iterations) {
   constexpr int kFew = 6;
+  constexpr double kHopeless = 100;
   std::vector<Mode> modes;
+  double least = std::numeric_limits<double>::infinity();
   for (const Start& start : starts(scene, halo, data, options)) {
     Mode mode = mode_from(scene, halo, data, options, start.parameters, start.ln_dimming,
                           modes.empty() ? options.max_iterations : std::min(kFew, options.max_iterations));
     if (!modes.empty() && !mode.solved.converged && !joins(mode, modes)) {
       iterations += mode.solved.iterations;
+      if (mode.cost() > least + kHopeless) continue;
       mode = mode_from(scene, halo, data, options, mode.solved.parameters, mode.data.ln_dimming,
                        options.max_iterations);
     }
@@ -113,6 +116,7 @@ std::vector<Mode> modes_from_starts(const Scene& scene, const HaloModel& halo, c
       continue;
     }
     modes.push_back(settled(scene, halo, options, std::move(mode), iterations));
+    least = std::min(least, modes.back().cost());
   }
   std::stable_sort(modes.begin(), modes.end(), by_cost);
   return modes;
