@@ -123,32 +123,39 @@ struct Motion {
 };
 
 struct Gathered {
-  std::vector<std::vector<Sample>> by_ring;
+  std::vector<std::vector<Sample>> by_ring;  // of inner rings
   std::vector<double> saturated, total;
 };
 
-void gather_outer(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out) {
-  const auto inner = static_cast<size_t>(map.options.rings);
-  std::vector<char> is_inner(map.rings.size());
-  for (size_t r = 0; r < map.rings.size(); ++r)
-    is_inner[r] = map.edges_rad[r % inner + 1] <= map.inner_zone_rad;
-  for (int row = 0; row < frame.radiance.height_px; ++row)
-    for (int column = 0; column < frame.radiance.width_px; ++column) {
+std::vector<char> inner_rings(const RingMap& map) {
+  std::vector<char> inner(map.rings.size());
+  for (size_t r = 0; r < map.rings.size(); ++r) inner[r] = map.rings[r].theta_high_rad <= map.inner_zone_rad;
+  return inner;
+}
+
+// Of each pixel of the frame the outer ring that it counts for, or −1.
+Image<std::int32_t> outer_rings_of(const FrameView& frame, const RingMap& map, const Motion& motion,
+                                   Gathered& out) {
+  const std::vector<char> inner = inner_rings(map);
+  const int width = frame.radiance.width_px;
+  Image<std::int32_t> rings(width, frame.radiance.height_px, -1);
+  for (int row = 0; row < frame.radiance.height_px; ++row) {
+    std::int32_t* ring_of = &rings.at(0, row);
+    const std::uint8_t* mask = &frame.mask.at(0, row);
+    for (int column = 0; column < width; ++column) {
       int ref_column = 0, ref_row = 0;
       motion.to_reference(column + 0.5, row + 0.5, ref_column, ref_row);
       if (!map.ring_of_pixel.contains(ref_column, ref_row)) continue;
       const std::int32_t ring = map.ring_of_pixel.at(ref_column, ref_row);
-      if (ring < 0 || is_inner[static_cast<size_t>(ring)]) continue;
-      const auto r = static_cast<size_t>(ring);
-      const std::uint8_t mask = frame.mask.at(column, row);
-      if (mask & frame.bad_bits) continue;
-      out.total[r] += 1;
-      if (mask & frame.saturated_bits) {
-        out.saturated[r] += 1;
-        continue;
-      }
-      out.by_ring[r].push_back({ring, frame.radiance.at(column, row), frame.variance.at(column, row), 1.0F});
+      if (ring < 0 || inner[static_cast<size_t>(ring)] || (mask[column] & frame.bad_bits)) continue;
+      out.total[static_cast<size_t>(ring)] += 1;
+      if (mask[column] & frame.saturated_bits)
+        out.saturated[static_cast<size_t>(ring)] += 1;
+      else
+        ring_of[column] = ring;
     }
+  }
+  return rings;
 }
 
 // Within a few pixels of a lamp: rings with soft edges, so that the sub-pixel phase does not matter.
@@ -194,40 +201,79 @@ double median_of(std::vector<float>& values) {
   return *middle;
 }
 
-RingMean mean_of(const std::vector<Sample>& samples, double clip_sigma, bool clip) {
-  std::vector<float> values;
-  values.reserve(samples.size());
-  double variance_sum = 0;
+RingMean mean_of(const std::vector<Sample>& samples) {
+  double w = 0, w2v = 0, sum = 0;
   for (const Sample& s : samples) {
-    values.push_back(s.value);
-    variance_sum += s.variance;
-  }
-  double low = -std::numeric_limits<double>::infinity(), high = -low;
-  if (clip) {
-    const double middle = median_of(values);
-    for (size_t i = 0; i < samples.size(); ++i)
-      values[i] = static_cast<float>(std::abs(samples[i].value - middle));
-    const double spread =
-        std::max(1.4826 * median_of(values), std::sqrt(variance_sum / static_cast<double>(samples.size())));
-    low = middle - clip_sigma * spread;
-    high = middle + clip_sigma * spread;
-  }
-  double w = 0, w2v = 0, sum = 0, sum2 = 0, w2 = 0;
-  RingMean result;
-  for (const Sample& s : samples) {
-    if (s.value < low || s.value > high) continue;
     w += s.weight;
-    w2 += s.weight * s.weight;
     w2v += s.weight * s.weight * s.variance;
     sum += s.weight * s.value;
-    sum2 += static_cast<double>(s.weight) * s.value * s.value;
-    ++result.pixels;
   }
   if (w <= 0) return {};
-  result.mean = sum / w;
-  const double scatter = std::max(0.0, sum2 / w - result.mean * result.mean) * w2 / (w * w);
-  result.variance = clip ? std::max(w2v / (w * w), scatter) : w2v / (w * w);
-  return result;
+  return {.mean = sum / w, .variance = w2v / (w * w), .pixels = static_cast<int>(samples.size())};
+}
+
+struct ClipRange {
+  float low = -std::numeric_limits<float>::infinity(), high = std::numeric_limits<float>::infinity();
+};
+
+// Where each ring's outliers begin, from its median and median deviation. Of wide rings a part of the pixels,
+// evenly strided, tells that as well.
+std::vector<ClipRange> clip_ranges(const FrameView& frame, const Image<std::int32_t>& rings,
+                                   const std::vector<double>& counts, double clip_sigma) {
+  constexpr int kEnough = 1000;
+  const size_t count = counts.size();
+  std::vector<int> stride(count), seen(count, 0);
+  for (size_t r = 0; r < count; ++r) stride[r] = std::max(1, static_cast<int>(counts[r]) / kEnough);
+  std::vector<std::vector<float>> values(count);
+  std::vector<double> variance(count, 0);
+  for (size_t i = 0; i < rings.pixels.size(); ++i) {
+    if (rings.pixels[i] < 0) continue;
+    const auto r = static_cast<size_t>(rings.pixels[i]);
+    if (++seen[r] < stride[r]) continue;
+    seen[r] = 0;
+    values[r].push_back(frame.radiance.pixels[i]);
+    variance[r] += frame.variance.pixels[i];
+  }
+  std::vector<ClipRange> ranges(count);
+  for (size_t r = 0; r < count; ++r) {
+    if (values[r].empty()) continue;
+    const double noise = std::sqrt(variance[r] / static_cast<double>(values[r].size()));
+    const double middle = median_of(values[r]);
+    for (float& value : values[r]) value = static_cast<float>(std::abs(value - middle));
+    const double reach = clip_sigma * std::max(1.4826 * median_of(values[r]), noise);
+    ranges[r] = {static_cast<float>(middle - reach), static_cast<float>(middle + reach)};
+  }
+  return ranges;
+}
+
+std::vector<RingMean> outer_means(const FrameView& frame, const Image<std::int32_t>& rings,
+                                  const std::vector<double>& counts, double clip_sigma) {
+  const std::vector<ClipRange> ranges = clip_ranges(frame, rings, counts, clip_sigma);
+  struct Sums {
+    double value = 0, square = 0, variance = 0;
+    int pixels = 0;
+  };
+  std::vector<Sums> sums(counts.size());
+  for (size_t i = 0; i < rings.pixels.size(); ++i) {
+    if (rings.pixels[i] < 0) continue;
+    const auto r = static_cast<size_t>(rings.pixels[i]);
+    const float value = frame.radiance.pixels[i];
+    if (value < ranges[r].low || value > ranges[r].high) continue;
+    sums[r].value += value;
+    sums[r].square += static_cast<double>(value) * value;
+    sums[r].variance += frame.variance.pixels[i];
+    ++sums[r].pixels;
+  }
+  std::vector<RingMean> means(counts.size());
+  for (size_t r = 0; r < counts.size(); ++r) {
+    const double n = sums[r].pixels;
+    if (sums[r].pixels == 0) continue;
+    means[r].pixels = sums[r].pixels;
+    means[r].mean = sums[r].value / n;
+    const double scatter = std::max(0.0, sums[r].square / n - means[r].mean * means[r].mean) / n;
+    means[r].variance = std::max(sums[r].variance / (n * n), scatter);
+  }
+  return means;
 }
 
 }  // namespace
@@ -295,20 +341,20 @@ RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres,
 
 std::vector<RingMean> measure_rings(const FrameView& frame, const RingMap& map) {
   const Motion motion(frame, map);
-  Gathered gathered;
-  gathered.by_ring.resize(map.rings.size());
-  gathered.saturated.assign(map.rings.size(), 0.0);
-  gathered.total.assign(map.rings.size(), 0.0);
-  gather_outer(frame, map, motion, gathered);
+  const size_t count = map.rings.size();
+  Gathered gathered{std::vector<std::vector<Sample>>(count), std::vector<double>(count, 0.0),
+                    std::vector<double>(count, 0.0)};
+  const Image<std::int32_t> rings = outer_rings_of(frame, map, motion, gathered);
+  std::vector<RingMean> means = outer_means(frame, rings, gathered.total, map.options.clip_sigma);
   const double focal_px = map.options.core_radius_px / map.edges_rad[1];
   gather_inner(frame, map, motion, focal_px, gathered);
-  std::vector<RingMean> means(map.rings.size());
-  for (size_t r = 0; r < means.size(); ++r) {
+  const std::vector<char> inner = inner_rings(map);
+  for (size_t r = 0; r < count; ++r) {
     const double fraction = gathered.total[r] > 0 ? gathered.saturated[r] / gathered.total[r] : 0.0;
-    const bool inner = map.rings[r].theta_high_rad <= map.inner_zone_rad;
-    const bool enough = gathered.by_ring[r].size() >= static_cast<size_t>(map.options.min_pixels);
-    const bool saturated = fraction > 0.01;
-    if (enough && !saturated) means[r] = mean_of(gathered.by_ring[r], map.options.clip_sigma, !inner);
+    const double usable =
+        inner[r] ? static_cast<double>(gathered.by_ring[r].size()) : gathered.total[r] - gathered.saturated[r];
+    if (inner[r]) means[r] = mean_of(gathered.by_ring[r]);
+    if (usable < map.options.min_pixels || fraction > 0.01) means[r] = {};
     means[r].saturated_fraction = fraction;
   }
   return means;
