@@ -101,6 +101,12 @@ struct Sample {
   float value, variance, weight;
 };
 
+// std::floor, which is a call into the library without SSE 4.1; x above −1e6.
+int floored(double x) {
+  constexpr int kOffset = 1'000'000;
+  return static_cast<int>(x + kOffset) - kOffset;
+}
+
 // Reference position to frame position, and the inverse for whole pixels.
 struct Motion {
   Motion(const FrameView& frame, const RingMap& map)
@@ -116,8 +122,8 @@ struct Motion {
   }
   void to_reference(double x, double y, int& column, int& row) const {
     const double u = x - dx - cx, v = y - dy - cy;
-    column = static_cast<int>(std::floor(cx + cos_r * u + sin_r * v));
-    row = static_cast<int>(std::floor(cy - sin_r * u + cos_r * v));
+    column = floored(cx + cos_r * u + sin_r * v);
+    row = floored(cy - sin_r * u + cos_r * v);
   }
   double cos_r, sin_r, cx, cy, dx, dy;
 };
