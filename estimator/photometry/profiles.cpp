@@ -139,29 +139,41 @@ std::vector<char> inner_rings(const RingMap& map) {
   return inner;
 }
 
-// Of each pixel of the frame the outer ring that it counts for, or −1.
-Image<std::int32_t> outer_rings_of(const FrameView& frame, const RingMap& map, const Motion& motion,
-                                   Gathered& out) {
+// Pixels side by side in a row that count for the same outer ring.
+struct Run {
+  std::int32_t ring;
+  std::uint32_t first, count;  // pixels of the picture, row by row
+};
+
+// What each outer ring has of the frame: neither masked nor saturated, which is counted.
+std::vector<Run> outer_runs(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out) {
   const std::vector<char> inner = inner_rings(map);
-  const int width = frame.radiance.width_px;
-  Image<std::int32_t> rings(width, frame.radiance.height_px, -1);
+  const auto width = static_cast<std::uint32_t>(frame.radiance.width_px);
+  std::vector<Run> runs;
   for (int row = 0; row < frame.radiance.height_px; ++row) {
-    std::int32_t* ring_of = &rings.at(0, row);
     const std::uint8_t* mask = &frame.mask.at(0, row);
-    for (int column = 0; column < width; ++column) {
+    const std::uint32_t start = static_cast<std::uint32_t>(row) * width;
+    std::int32_t last = -1;
+    for (std::uint32_t column = 0; column < width; ++column) {
       int ref_column = 0, ref_row = 0;
       motion.to_reference(column + 0.5, row + 0.5, ref_column, ref_row);
-      if (!map.ring_of_pixel.contains(ref_column, ref_row)) continue;
-      const std::int32_t ring = map.ring_of_pixel.at(ref_column, ref_row);
-      if (ring < 0 || inner[static_cast<size_t>(ring)] || (mask[column] & frame.bad_bits)) continue;
-      out.total[static_cast<size_t>(ring)] += 1;
-      if (mask[column] & frame.saturated_bits)
+      std::int32_t ring = -1;
+      if (map.ring_of_pixel.contains(ref_column, ref_row)) ring = map.ring_of_pixel.at(ref_column, ref_row);
+      if (ring >= 0 && (inner[static_cast<size_t>(ring)] || (mask[column] & frame.bad_bits))) ring = -1;
+      if (ring >= 0 && (mask[column] & frame.saturated_bits)) {
         out.saturated[static_cast<size_t>(ring)] += 1;
-      else
-        ring_of[column] = ring;
+        ring = -1;
+      }
+      if (ring >= 0 && ring == last)
+        ++runs.back().count;
+      else if (ring >= 0)
+        runs.push_back({ring, start + column, 1});
+      last = ring;
     }
   }
-  return rings;
+  out.total = out.saturated;
+  for (const Run& run : runs) out.total[static_cast<size_t>(run.ring)] += run.count;
+  return runs;
 }
 
 // Within a few pixels of a lamp: rings with soft edges, so that the sub-pixel phase does not matter.
@@ -224,21 +236,22 @@ struct ClipRange {
 
 // Where each ring's outliers begin, from its median and median deviation. Of wide rings a part of the pixels,
 // evenly strided, tells that as well.
-std::vector<ClipRange> clip_ranges(const FrameView& frame, const Image<std::int32_t>& rings,
+std::vector<ClipRange> clip_ranges(const FrameView& frame, std::span<const Run> runs,
                                    const std::vector<double>& counts, double clip_sigma) {
-  constexpr int kEnough = 1000;
+  constexpr std::uint32_t kEnough = 1000;
   const size_t count = counts.size();
-  std::vector<int> stride(count), seen(count, 0);
-  for (size_t r = 0; r < count; ++r) stride[r] = std::max(1, static_cast<int>(counts[r]) / kEnough);
+  std::vector<std::uint32_t> skip(count, 0);  // pixels until the next one that is taken
   std::vector<std::vector<float>> values(count);
   std::vector<double> variance(count, 0);
-  for (size_t i = 0; i < rings.pixels.size(); ++i) {
-    if (rings.pixels[i] < 0) continue;
-    const auto r = static_cast<size_t>(rings.pixels[i]);
-    if (++seen[r] < stride[r]) continue;
-    seen[r] = 0;
-    values[r].push_back(frame.radiance.pixels[i]);
-    variance[r] += frame.variance.pixels[i];
+  for (const Run& run : runs) {
+    const auto r = static_cast<size_t>(run.ring);
+    const std::uint32_t stride = std::max(1U, static_cast<std::uint32_t>(counts[r]) / kEnough);
+    std::uint32_t i = skip[r];
+    for (; i < run.count; i += stride) {
+      values[r].push_back(frame.radiance.pixels[run.first + i]);
+      variance[r] += frame.variance.pixels[run.first + i];
+    }
+    skip[r] = i - run.count;
   }
   std::vector<ClipRange> ranges(count);
   for (size_t r = 0; r < count; ++r) {
@@ -252,23 +265,26 @@ std::vector<ClipRange> clip_ranges(const FrameView& frame, const Image<std::int3
   return ranges;
 }
 
-std::vector<RingMean> outer_means(const FrameView& frame, const Image<std::int32_t>& rings,
+std::vector<RingMean> outer_means(const FrameView& frame, std::span<const Run> runs,
                                   const std::vector<double>& counts, double clip_sigma) {
-  const std::vector<ClipRange> ranges = clip_ranges(frame, rings, counts, clip_sigma);
+  const std::vector<ClipRange> ranges = clip_ranges(frame, runs, counts, clip_sigma);
   struct Sums {
     double value = 0, square = 0, variance = 0;
     int pixels = 0;
   };
   std::vector<Sums> sums(counts.size());
-  for (size_t i = 0; i < rings.pixels.size(); ++i) {
-    if (rings.pixels[i] < 0) continue;
-    const auto r = static_cast<size_t>(rings.pixels[i]);
-    const float value = frame.radiance.pixels[i];
-    if (value < ranges[r].low || value > ranges[r].high) continue;
-    sums[r].value += value;
-    sums[r].square += static_cast<double>(value) * value;
-    sums[r].variance += frame.variance.pixels[i];
-    ++sums[r].pixels;
+  for (const Run& run : runs) {
+    const ClipRange range = ranges[static_cast<size_t>(run.ring)];
+    Sums sum = sums[static_cast<size_t>(run.ring)];
+    for (std::uint32_t i = run.first; i < run.first + run.count; ++i) {
+      const float value = frame.radiance.pixels[i];
+      if (value < range.low || value > range.high) continue;
+      sum.value += value;
+      sum.square += static_cast<double>(value) * value;
+      sum.variance += frame.variance.pixels[i];
+      ++sum.pixels;
+    }
+    sums[static_cast<size_t>(run.ring)] = sum;
   }
   std::vector<RingMean> means(counts.size());
   for (size_t r = 0; r < counts.size(); ++r) {
@@ -350,8 +366,8 @@ std::vector<RingMean> measure_rings(const FrameView& frame, const RingMap& map) 
   const size_t count = map.rings.size();
   Gathered gathered{std::vector<std::vector<Sample>>(count), std::vector<double>(count, 0.0),
                     std::vector<double>(count, 0.0)};
-  const Image<std::int32_t> rings = outer_rings_of(frame, map, motion, gathered);
-  std::vector<RingMean> means = outer_means(frame, rings, gathered.total, map.options.clip_sigma);
+  const std::vector<Run> runs = outer_runs(frame, map, motion, gathered);
+  std::vector<RingMean> means = outer_means(frame, runs, gathered.total, map.options.clip_sigma);
   const double focal_px = map.options.core_radius_px / map.edges_rad[1];
   gather_inner(frame, map, motion, focal_px, gathered);
   const std::vector<char> inner = inner_rings(map);
