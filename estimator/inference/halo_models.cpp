@@ -77,8 +77,7 @@ std::optional<HaloKind> parse_halo_kind(std::string_view text) {
 
 std::shared_ptr<const HaloModel> halo_model(HaloKind kind) {
   static const std::shared_ptr<const HaloModel> kModels[] = {
-      std::make_shared<const TableHalo>(),
-      std::make_shared<const Scattering>(HaloKind::apsf_series),
+      std::make_shared<const TableHalo>(), std::make_shared<const Scattering>(HaloKind::apsf_series),
       std::make_shared<const Scattering>(HaloKind::single),
       std::make_shared<const Scattering>(HaloKind::diffusion)};
   return kModels[static_cast<size_t>(kind)];

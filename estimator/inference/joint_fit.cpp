@@ -19,7 +19,8 @@ JointFit finish(const Scene& scene, const HaloModel& halo, const RingData& data,
   fit.message = best.message;
   fit.cost = best.cost;
   fit.parameters = std::move(best.parameters);
-  fit.sigma = deviations_at(scene, cost, data, options, fit.parameters);
+  const Covariance covariance = covariance_at(scene, cost, data, options, fit.parameters);
+  fit.sigma = covariance.deviations;
   Scene::Output output;
   scene.evaluate(halo, fit.parameters, data.lit, data.sky_unit, output, false);
   fit.model = output.model;
@@ -31,7 +32,7 @@ JointFit finish(const Scene& scene, const HaloModel& halo, const RingData& data,
     ++count;
   }
   if (count > 0) fit.chi2_per_ring /= count;
-  if (options.posterior) add_posterior(scene, cost, data, options, max_q, fit);
+  if (options.posterior) add_posterior(scene, cost, data, options, covariance.along_ln_sigma, max_q, fit);
   return fit;
 }
 
@@ -62,7 +63,6 @@ Mode mode_from(const Scene& scene, const HaloModel& halo, const RingData& data, 
 // Chooses the lamps' powers anew by the fit's own strengths, while that makes the fit better.
 Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& options, Mode mode,
              int& iterations) {
-  iterations += mode.solved.iterations;
   if (options.ln_half == 0) return mode;
   const Layout at(scene.lamps().size());
   for (int round = 0; round < 3; ++round) {
@@ -84,13 +84,18 @@ Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& option
 }
 
 // Is it on its way to where another start has come to already?
-bool joins(const Mode& mode, const std::vector<Mode>& found) {
-  constexpr double kSameCost = 0.1, kSameLnSigma = 0.02;
+bool joins(const Scene& scene, const Mode& mode, const std::vector<Mode>& found) {
+  constexpr double kNearLnSigma = 0.05, kNearStrength = 0.15, kNearQ = 0.1;
+  const Layout at(scene.lamps().size());
+  const auto near = [&](const Mode& other, size_t parameter, double reach) {
+    return std::abs(other.solved.parameters[parameter] - mode.solved.parameters[parameter]) < reach;
+  };
   return std::any_of(found.begin(), found.end(), [&](const Mode& other) {
-    return other.data.ln_dimming == mode.data.ln_dimming &&
-           std::abs(other.solved.cost - mode.solved.cost) < kSameCost &&
-           std::abs(other.solved.parameters[Layout::ln_sigma] - mode.solved.parameters[Layout::ln_sigma]) <
-               kSameLnSigma;
+    bool same = other.data.ln_dimming == mode.data.ln_dimming &&
+                near(other, Layout::ln_sigma, kNearLnSigma) && near(other, Layout::q, kNearQ) &&
+                near(other, Layout::ln_gain, kNearStrength);
+    for (size_t j = 0; j < at.lamps && same; ++j) same = near(other, at.ln_strength(j), kNearStrength);
+    return same;
   });
 }
 
@@ -98,25 +103,26 @@ bool joins(const Mode& mode, const std::vector<Mode>& found) {
 // near it within a few steps are not followed to its bottom, nor those that are far above it by then.
 std::vector<Mode> modes_from_starts(const Scene& scene, const HaloModel& halo, const RingData& data,
                                     const FitOptions& options, int& iterations) {
-  constexpr int kFew = 6;
+  constexpr int kFew = 5;
   constexpr double kHopeless = 100;
   std::vector<Mode> modes;
   double least = std::numeric_limits<double>::infinity();
   for (const Start& start : starts(scene, halo, data, options)) {
-    Mode mode = mode_from(scene, halo, data, options, start.parameters, start.ln_dimming,
-                          modes.empty() ? options.max_iterations : std::min(kFew, options.max_iterations));
-    if (!modes.empty() && !mode.solved.converged && !joins(mode, modes)) {
+    std::vector<double> parameters = start.parameters;
+    for (const int steps : {kFew, options.max_iterations}) {
+      Mode mode = mode_from(scene, halo, data, options, parameters, start.ln_dimming,
+                            modes.empty() ? options.max_iterations : std::min(steps, options.max_iterations));
       iterations += mode.solved.iterations;
-      if (mode.cost() > least + kHopeless) continue;
-      mode = mode_from(scene, halo, data, options, mode.solved.parameters, mode.data.ln_dimming,
-                       options.max_iterations);
+      if (joins(scene, mode, modes)) break;
+      if (steps == kFew && !mode.solved.converged && !modes.empty()) {
+        parameters = mode.solved.parameters;
+        continue;
+      }
+      if (mode.cost() > least + kHopeless) break;
+      modes.push_back(settled(scene, halo, options, std::move(mode), iterations));
+      least = std::min(least, modes.back().cost());
+      break;
     }
-    if (joins(mode, modes)) {
-      iterations += mode.solved.iterations;
-      continue;
-    }
-    modes.push_back(settled(scene, halo, options, std::move(mode), iterations));
-    least = std::min(least, modes.back().cost());
   }
   std::stable_sort(modes.begin(), modes.end(), by_cost);
   return modes;
@@ -159,8 +165,9 @@ std::vector<Mode> with_powers_flipped(const Scene& scene, const HaloModel& halo,
   std::vector<Mode> rivals;
   for (int round = 0; round < 3; ++round) {
     std::vector<Mode> tried;
-    const std::vector<double> deviations = deviations_at(scene, FrameCost(scene, halo, best.data, options),
-                                                         best.data, options, best.solved.parameters);
+    const std::vector<double> deviations = covariance_at(scene, FrameCost(scene, halo, best.data, options),
+                                                         best.data, options, best.solved.parameters)
+                                               .deviations;
     for (size_t j = 0; j < at.lamps; ++j) {
       if (!best.data.lit[j] || scene.lamps()[j].guest()) continue;
       std::vector<double> dimming = best.data.ln_dimming, p = best.solved.parameters;

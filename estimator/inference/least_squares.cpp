@@ -116,6 +116,7 @@ Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, co
   // A step that gains less than 0.01 of −ln p is the last; a ring costs about a quarter.
   solver.function_tolerance = 0.04 / static_cast<double>(std::max<size_t>(scene.ring_count(), 1));
   solver.parameter_tolerance = 1e-7;
+  solver.max_num_line_search_step_size_iterations = 0;  // the bounds' line search doubles the evaluations
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

@@ -9,32 +9,30 @@
 namespace lampglow::inference {
 namespace {
 
-// Where the walk comes to if it goes on as it went from `before` to `now`.
-std::vector<double> ahead(const std::vector<double>& before, const std::vector<double>& now, double part,
-                          double ln_sigma, double max_q) {
+// Where the walk comes to if it goes on by dx, with these slopes d p / d ln σ.
+std::vector<double> ahead(const std::vector<double>& now, std::span<const double> slope, double dx,
+                          double max_q) {
   std::vector<double> p = now;
-  for (size_t i = 0; i < p.size(); ++i) p[i] += part * (now[i] - before[i]);
-  p.at(Layout::ln_sigma) = ln_sigma;
+  for (size_t i = 0; i < p.size(); ++i) p[i] += slope[i] * dx;
+  p.at(Layout::ln_sigma) = now.at(Layout::ln_sigma) + dx;
   p.at(Layout::q) = std::clamp(p.at(Layout::q), 0.0, max_q);
   return p;
 }
 
 // Walks from the best fit to one side, σ held at each step, until the probability has fallen far enough.
 void walk(const Scene& scene, const FrameCost& cost, const RingData& data, const FitOptions& options,
-          double step, double max_q, JointFit& fit) {
+          double step, std::span<const double> along_ln_sigma, double max_q, JointFit& fit) {
   constexpr double kFarEnough = 4.5;  // −Δ ln p; 95 % bounds need 1.92
   constexpr int kMaxSteps = 12;
   const Limits limits = limits_of(options);
-  std::vector<double> p = fit.parameters, before = p;
-  double x = fit.ln_sigma(), previous = fit.cost, last_step = step;
+  std::vector<double> p = fit.parameters, slope(along_ln_sigma.begin(), along_ln_sigma.end());
+  double previous = fit.cost;
   for (int i = 0; i < kMaxSteps; ++i) {
-    x += step;
+    const double x = p.at(Layout::ln_sigma) + step;
     if (x <= limits.ln_sigma_low || x >= limits.ln_sigma_high) return;
-    const Solved solved =
-        solve(scene, cost, data, options, ahead(before, p, step / last_step, x, max_q), true, 6, max_q);
-    before = std::move(p);
+    const Solved solved = solve(scene, cost, data, options, ahead(p, slope, step, max_q), true, 6, max_q);
+    for (size_t k = 0; k < p.size(); ++k) slope[k] = (solved.parameters[k] - p[k]) / step;
     p = solved.parameters;
-    last_step = step;
     fit.posterior.push_back({x, solved.cost, p.at(Layout::q), 0});
     if (solved.cost < fit.cost - 0.1) fit.deeper = p;
     if (solved.cost - fit.cost > kFarEnough) return;
@@ -60,27 +58,31 @@ double profile_at(const std::vector<PosteriorPoint>& p, double x) {
 
 }  // namespace
 
-std::vector<double> deviations_at(const Scene& scene, const FrameCost& cost, const RingData& data,
-                                  const FitOptions& options, std::span<const double> parameters) {
+Covariance covariance_at(const Scene& scene, const FrameCost& cost, const RingData& data,
+                         const FitOptions& options, std::span<const double> parameters) {
   const std::vector<int> active = free_parameters(scene, data, options, false);
   const NormalEquations normal = cost.normal_equations(parameters.data(), active);
   const auto size = static_cast<Eigen::Index>(active.size());
   Eigen::MatrixXd information = Eigen::Map<const Eigen::MatrixXd>(normal.information.data(), size, size);
   information.diagonal().array() += 1e-9;
   const Eigen::MatrixXd covariance = information.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
-  std::vector<double> deviations(cost.parameter_count(), 0.0);
-  for (Eigen::Index c = 0; c < size; ++c)
-    if (covariance(c, c) > 0)
-      deviations[static_cast<size_t>(active[static_cast<size_t>(c)])] = std::sqrt(covariance(c, c));
-  return deviations;
+  Covariance out{std::vector<double>(cost.parameter_count(), 0.0),
+                 std::vector<double>(cost.parameter_count(), 0.0)};
+  for (Eigen::Index c = 0; c < size; ++c) {
+    const auto parameter = static_cast<size_t>(active[static_cast<size_t>(c)]);
+    if (covariance(c, c) > 0) out.deviations[parameter] = std::sqrt(covariance(c, c));
+    // ln σ is the first of the free parameters.
+    if (covariance(0, 0) > 0) out.along_ln_sigma[parameter] = covariance(c, 0) / covariance(0, 0);
+  }
+  return out;
 }
 
 void add_posterior(const Scene& scene, const FrameCost& cost, const RingData& data, const FitOptions& options,
-                   double max_q, JointFit& fit) {
+                   std::span<const double> along_ln_sigma, double max_q, JointFit& fit) {
   fit.posterior.push_back({fit.ln_sigma(), fit.cost, fit.parameters[Layout::q], fit.sigma[Layout::q]});
   const double step = std::clamp(fit.sigma[Layout::ln_sigma], 0.01, 0.7);
-  walk(scene, cost, data, options, step, max_q, fit);
-  walk(scene, cost, data, options, -step, max_q, fit);
+  walk(scene, cost, data, options, step, along_ln_sigma, max_q, fit);
+  walk(scene, cost, data, options, -step, along_ln_sigma, max_q, fit);
   std::sort(fit.posterior.begin(), fit.posterior.end(),
             [](const PosteriorPoint& a, const PosteriorPoint& b) { return a.ln_sigma < b.ln_sigma; });
 }

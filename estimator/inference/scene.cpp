@@ -166,7 +166,8 @@ void Scene::make_convolution() {
                            axis_pixel_sr_ / kTurns;
       for (int t = 0; t < kTurns; ++t) {
         const double turn = 2.0 * std::numbers::pi * (t + 0.5) / kTurns;
-        const double theta = std::hypot(scene_nodes_rad()[m] + radius * std::cos(turn), radius * std::sin(turn));
+        const double theta =
+            std::hypot(scene_nodes_rad()[m] + radius * std::cos(turn), radius * std::sin(turn));
         if (theta < kLastNodeRad) add_weight(scene_nodes_rad(), theta, share, row);
       }
     }

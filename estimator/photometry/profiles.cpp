@@ -373,8 +373,8 @@ std::vector<RingMean> measure_rings(const FrameView& frame, const RingMap& map) 
   const std::vector<char> inner = inner_rings(map);
   for (size_t r = 0; r < count; ++r) {
     const double fraction = gathered.total[r] > 0 ? gathered.saturated[r] / gathered.total[r] : 0.0;
-    const double usable =
-        inner[r] ? static_cast<double>(gathered.by_ring[r].size()) : gathered.total[r] - gathered.saturated[r];
+    const double usable = inner[r] ? static_cast<double>(gathered.by_ring[r].size())
+                                   : gathered.total[r] - gathered.saturated[r];
     if (inner[r]) means[r] = mean_of(gathered.by_ring[r]);
     if (usable < map.options.min_pixels || fraction > 0.01) means[r] = {};
     means[r].saturated_fraction = fraction;

@@ -211,8 +211,7 @@ void GlowAtAngles::contract(const std::vector<double>& coefficients, double thic
   double* slope_thickness = sums.slope_thickness.data();
   for (std::size_t i = 0; i < 4; ++i) {
     const std::size_t stride = angles_;
-    const double* cell =
-        &coefficients[((wq.index + i) * thickness_axis_.coefficients() + wt.index) * stride];
+    const double* cell = &coefficients[((wq.index + i) * thickness_axis_.coefficients() + wt.index) * stride];
     const double value = wq.value[i], slope = wq.slope[i] / (1 - q);  // d(-ln(1-q))/dq
     for (std::size_t n = 0; n < angles_; ++n) {
       by_thickness[n] = wt.value[0] * cell[n] + wt.value[1] * cell[stride + n] +
