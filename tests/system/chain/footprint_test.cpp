@@ -5,10 +5,9 @@
 #include <unistd.h>
 
 #include <fstream>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <sstream>
 
+#include "tests/support/enlarged_archive.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/system/cameras/web_servers.h"
 #include "tests/system/chain/chain.h"
@@ -18,35 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr int kWidthPx = 1920, kHeightPx = 1080;
 constexpr long kLargest_kib = 128 * 1024;
-
-// The simulated night, stretched to 1920x1080 and with its lamps where they then are.
-void enlarge(const fs::path& from, const fs::path& to) {
-  fs::create_directories(to / "images");
-  double scale_x = 1, scale_y = 1;
-  for (const auto& entry : fs::directory_iterator(from / "images")) {
-    const cv::Mat small = cv::imread(entry.path().string(), cv::IMREAD_COLOR);
-    scale_x = 1.0 * kWidthPx / small.cols;
-    scale_y = 1.0 * kHeightPx / small.rows;
-    cv::Mat large;
-    cv::resize(small, large, {kWidthPx, kHeightPx}, 0, 0, cv::INTER_CUBIC);
-    ASSERT_TRUE(cv::imwrite((to / "images" / entry.path().filename()).string(), large));
-  }
-  fs::copy_file(from / "frames.csv", to / "frames.csv");
-  std::istringstream lines(test::read_all(from / "site.toml"));
-  std::string text;
-  for (std::string line; std::getline(lines, line); text += line + "\n") {
-    const auto number = [&](double scale) { return std::stod(line.substr(line.find('=') + 1)) * scale; };
-    if (line.starts_with("width_px")) line = fmt::format("width_px = {}", kWidthPx);
-    if (line.starts_with("height_px")) line = fmt::format("height_px = {}", kHeightPx);
-    if (line.starts_with("principal_point_px"))
-      line = fmt::format("principal_point_px = [{:.1f}, {:.1f}]", kWidthPx / 2.0, kHeightPx / 2.0);
-    if (line.starts_with("x_px")) line = fmt::format("x_px = {:.1f}", number(scale_x));
-    if (line.starts_with("y_px")) line = fmt::format("y_px = {:.1f}", number(scale_y));
-  }
-  write_file(to / "site.toml", text);
-}
 
 // A line "NAME:   123 kB" of /proc/PID/status, in KiB.
 long status_kib(pid_t pid, const std::string& name) {
@@ -70,7 +41,7 @@ TEST(Footprint, MemoryWithA1080pCameraAndProcessorTimeBetweenFrames) {
   if (!Lighttpd::available()) GTEST_SKIP() << "lighttpd is not installed";
   const TempFolder folder;
   make_night(folder.path());
-  enlarge(folder / "jpeg", folder / "large");
+  test::enlarge_archive(folder / "jpeg", folder / "large", {1920, 1080});
   const Night night{folder / "large", {}, {}};
   const Lighttpd server(folder / "camera");
   const ChainStation station(folder / "station", night.archive,
