@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <numeric>
 #include <stdexcept>
 
@@ -88,7 +89,7 @@ void write_lamps(const FitCall& call, const Night& night, const Arrays& arrays) 
   const photometry::AngularScale scale(night.site().camera);
   const auto of_each = [&](const std::string& name, const auto& number) {
     std::vector<double> values;
-    for (const SceneLamp& lamp : lamps) values.push_back(number(lamp));
+    std::ranges::transform(lamps, std::back_inserter(values), number);
     arrays.write(name, {lamps.size()}, values);
   };
   of_each("solid_angle_sr", [&](const SceneLamp& l) { return scale.pixel_solid_angle_sr(l.x_px, l.y_px); });

@@ -17,7 +17,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr long kLargest_kib = 128 * 1024;
+constexpr long kLargest_kib = 128L * 1024;
 
 // A line "NAME:   123 kB" of /proc/PID/status, in KiB.
 long status_kib(pid_t pid, const std::string& name) {
