@@ -81,7 +81,7 @@ void write_rings(const FitCall& call, const Night& night, const Arrays& arrays) 
   arrays.write("direct", {rings, lamps}, direct);
   arrays.write("average", {rings, lamps, nodes}, average);
   arrays.write("convolution", {nodes, nodes}, scene.convolution());  // [source][target]
-  arrays.write("node_theta_rad", {nodes}, scene.node_theta_rad());
+  arrays.write("node_theta_rad", {nodes}, inference::scene_nodes_rad());
 }
 
 void write_lamps(const FitCall& call, const Night& night, const Arrays& arrays) {
@@ -107,7 +107,7 @@ void write_lamps(const FitCall& call, const Night& night, const Arrays& arrays) 
 }
 
 // ln of the glow at the scene's nodes, even in ln T and in −ln(1 − q).
-void write_glow(const inference::HaloModel& halo, const std::vector<double>& theta, const Arrays& arrays) {
+void write_glow(const inference::HaloModel& halo, std::span<const double> theta, const Arrays& arrays) {
   constexpr std::size_t kThicknesses = 241, kQs = 121;
   std::vector<double> ln_thickness, minus_ln_1_q, ln_glow;
   for (std::size_t i = 0; i < kThicknesses; ++i)
@@ -145,7 +145,7 @@ void export_fit(const FitCall& call, const Night& night, const std::filesystem::
   const auto halo = inference::halo_model(night.options().model);
   write_rings(call, night, arrays);
   write_lamps(call, night, arrays);
-  write_glow(*halo, call.scene.node_theta_rad(), arrays);
+  write_glow(*halo, inference::scene_nodes_rad(), arrays);
   std::vector<double> profile;
   for (const auto& point : call.fit.posterior) profile.push_back(point.ln_sigma);
   arrays.write("our_profile_ln_sigma", {profile.size()}, profile);
