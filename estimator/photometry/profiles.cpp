@@ -145,32 +145,56 @@ struct Run {
   std::uint32_t first, count;  // pixels of the picture, row by row
 };
 
+// The reference's rings under the pixels of one row, −1 outside. The camera turns so little that over a few
+// pixels the same whole shift serves; where it changes each pixel is looked up by itself.
+void rings_under_row(const RingMap& map, const Motion& motion, int row, std::vector<std::int32_t>& rings) {
+  constexpr int kBlock = 16;
+  const int width = static_cast<int>(rings.size());
+  const auto ring_at = [&](int column) {
+    int x = 0, y = 0;
+    motion.to_reference(column + 0.5, row + 0.5, x, y);
+    return map.ring_of_pixel.contains(x, y) ? map.ring_of_pixel.at(x, y) : -1;
+  };
+  for (int first = 0; first < width; first += kBlock) {
+    const int last = std::min(first + kBlock, width) - 1;
+    int x = 0, y = 0, last_x = 0, last_y = 0;
+    motion.to_reference(first + 0.5, row + 0.5, x, y);
+    motion.to_reference(last + 0.5, row + 0.5, last_x, last_y);
+    const bool straight = y == last_y && last_x - x == last - first;
+    if (straight && map.ring_of_pixel.contains(x, y) && map.ring_of_pixel.contains(last_x, y))
+      std::copy_n(&map.ring_of_pixel.at(x, y), last - first + 1, &rings[static_cast<size_t>(first)]);
+    else
+      for (int column = first; column <= last; ++column) rings[static_cast<size_t>(column)] = ring_at(column);
+  }
+}
+
 // What each outer ring has of the frame: neither masked nor saturated, which is counted.
 std::vector<Run> outer_runs(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out) {
   const std::vector<char> inner = inner_rings(map);
-  const auto width = static_cast<std::uint32_t>(frame.radiance.width_px);
+  const auto width = static_cast<size_t>(frame.radiance.width_px);
+  std::vector<std::int32_t> rings(width);
   std::vector<Run> runs;
   for (int row = 0; row < frame.radiance.height_px; ++row) {
+    rings_under_row(map, motion, row, rings);
     const std::uint8_t* mask = &frame.mask.at(0, row);
-    const std::uint32_t start = static_cast<std::uint32_t>(row) * width;
+    const size_t start = static_cast<size_t>(row) * width;
     std::int32_t last = -1;
-    for (std::uint32_t column = 0; column < width; ++column) {
-      int ref_column = 0, ref_row = 0;
-      motion.to_reference(column + 0.5, row + 0.5, ref_column, ref_row);
-      std::int32_t ring = -1;
-      if (map.ring_of_pixel.contains(ref_column, ref_row)) ring = map.ring_of_pixel.at(ref_column, ref_row);
-      if (ring >= 0 && (inner[static_cast<size_t>(ring)] || (mask[column] & frame.bad_bits))) ring = -1;
-      if (ring >= 0 && (mask[column] & frame.saturated_bits)) {
-        out.saturated[static_cast<size_t>(ring)] += 1;
-        ring = -1;
+    for (size_t column = 0; column < width; ++column) {
+      std::int32_t ring = rings[column];
+      if (ring >= 0 && mask[column] != 0) {
+        if (!inner[static_cast<size_t>(ring)] && !(mask[column] & frame.bad_bits) &&
+            (mask[column] & frame.saturated_bits))
+          out.saturated[static_cast<size_t>(ring)] += 1;
+        if (mask[column] & (frame.bad_bits | frame.saturated_bits)) ring = -1;
       }
       if (ring >= 0 && ring == last)
         ++runs.back().count;
       else if (ring >= 0)
-        runs.push_back({ring, start + column, 1});
+        runs.push_back({ring, static_cast<std::uint32_t>(start + column), 1});
       last = ring;
     }
   }
+  std::erase_if(runs, [&](const Run& run) { return inner[static_cast<size_t>(run.ring)] != 0; });
   out.total = out.saturated;
   for (const Run& run : runs) out.total[static_cast<size_t>(run.ring)] += run.count;
   return runs;
