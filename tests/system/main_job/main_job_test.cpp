@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <boost/json.hpp>
+#include <map>
 #include <memory>
 #include <set>
 #include <sstream>
@@ -66,6 +67,50 @@ TEST_F(MainJob, TheNumberOfWorkersLeavesNoTrace) {
   EXPECT_EQ(csv, read_all(at("2.csv")));
   EXPECT_EQ(content, storage::Reader(at("2.db")).content());
   EXPECT_EQ(read_all(at("1.scores.json")), read_all(at("2.scores.json")));
+}
+
+// Fields of each row of a CSV by its time.
+std::map<std::string, std::vector<std::string>> rows_by_time(const std::string& csv) {
+  std::map<std::string, std::vector<std::string>> rows;
+  std::istringstream lines(csv);
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string> fields;
+    std::istringstream in(line);
+    for (std::string field; std::getline(in, field, ',');) fields.push_back(field);
+    if (!fields.empty()) rows[fields.front()] = fields;
+  }
+  return rows;
+}
+
+// Where fog hides every lamp the answer is "at most", true and flagged, and never a guess.
+TEST_F(MainJob, FogTooThickForAnyLampIsALimitBelow) {
+  const ProgramRun simulated =
+      run_program({"simulate", at("thick"), "--seed", "5", "--frames", "12", "--distances", "250,400,700",
+                   "--mor-min", "30", "--mor-max", "150", "--photons", "100000"});
+  ASSERT_EQ(simulated.exit_code, 0) << simulated.err;
+  const ProgramRun replayed = run_program({"replay", at("thick"), "--csv", at("thick.csv")});
+  ASSERT_EQ(replayed.exit_code, 0) << replayed.err;
+  enum Column { time, mor, low, high, limit, quality = 12 };
+  const auto rows = rows_by_time(read_all(at("thick.csv")));
+  int limits = 0, values = 0;
+  for (const auto& [when, truth] : rows_by_time(read_all(at("thick/truth.csv")))) {
+    if (when == "time_utc") continue;
+    const std::vector<std::string>& row = rows.at(when);
+    const double true_m = std::stod(truth[1]);
+    EXPECT_NE(row[limit], "above") << when;
+    if (row[limit] == "below") {
+      ++limits;
+      EXPECT_GE(std::stod(row[mor]), true_m) << when;
+      EXPECT_LT(std::stod(row[mor]), 200) << when << ": of no use";
+      EXPECT_THAT(row[quality], HasSubstr("limit_below")) << when;
+    } else if (!row[mor].empty()) {
+      ++values;
+      EXPECT_LE(std::stod(row[low]), true_m) << when;
+      EXPECT_GE(std::stod(row[high]), true_m) << when;
+    }
+  }
+  EXPECT_GE(limits, 7);
+  EXPECT_GE(values, 1) << "where it thins a lamp's glow is back";
 }
 
 // Clear air after fog is "fog in the past hour" (code 20), which one frame alone can't know.

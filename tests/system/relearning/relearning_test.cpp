@@ -141,6 +141,11 @@ TEST_F(Relearning, FogAllWeekTeachesNothing) {
   run_well({"replay", at("fog"), "--relearn", "--csv", at("fog.csv"), "--db", at("fog.db")});
   EXPECT_EQ(read_all(at("fog.csv")), read_all(at("fog-fixed.csv")));
   EXPECT_EQ(references_in(at("fog.db")).size(), 1U) << "the clear brackets' own";
+  // It was fog, and every frame says so by a value: nothing was left out for want of an answer.
+  int foggy = 0;
+  for (const auto& [when, row] : rows_of(read_all(at("fog.csv"))))
+    if (row[4].empty() && !row[1].empty() && row[9] == "fog") foggy += std::stod(row[1]) < 1000;
+  EXPECT_EQ(foggy, 40);
 }
 
 TEST_F(Relearning, TheStationRelearnsRemembersAndGoesBack) {
