@@ -73,8 +73,10 @@ SigmaBounds sigma_bounds(std::span<const PosteriorPoint> p, const BoundsOptions&
   bounds.ln_sd = 0.5 * (high1.value_or(p.back().ln_sigma) - low1.value_or(p.front().ln_sigma));
   const bool narrow = low && high && std::exp(*high - *low) <= options.widest_ratio;
   if (narrow || (!low && !high)) {
-    if (low) bounds.low = std::exp(*low);
-    if (high) bounds.high = std::exp(*high);
+    const double value = p[best].ln_sigma, floor = 1.96 * options.ln_floor;
+    if (low) bounds.low = std::exp(value - std::hypot(value - *low, floor));
+    if (high) bounds.high = std::exp(value + std::hypot(*high - value, floor));
+    bounds.ln_sd = std::hypot(bounds.ln_sd, options.ln_floor);
     return bounds;
   }
   // Too wide for a value: a limit. "Below" only helps where visibility is restricted; in clear air the bound

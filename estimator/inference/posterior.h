@@ -13,6 +13,7 @@ struct BoundsOptions {
   double widest_ratio = 3.0;  // a value is given while σ's upper 95 % bound over its lower is at most this
   double restricted_mor_m = 5000;  // a limit "below" is preferred to "above" only within this visibility
   double inflate = 1.0;            // of the log-posterior's width, for model errors that rings share
+  double ln_floor = 0;  // one standard deviation of ln σ that a value's bounds have on top, squares added
 };
 
 struct SigmaBounds {

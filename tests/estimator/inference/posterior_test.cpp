@@ -60,6 +60,15 @@ TEST(Posterior, ANarrowOneIsAValueWithItsBounds) {
   EXPECT_NEAR(bounds.ln_sd, 0.1, 0.005);
 }
 
+// Errors that all rings share widen a value's bounds, and leave limits as they are.
+TEST(Posterior, AFloorIsAddedInSquares) {
+  const SigmaBounds bounds = sigma_bounds(posterior({{500, 0.1, 0}}), {.ln_floor = 0.07});
+  EXPECT_NEAR(std::log(*bounds.high / *bounds.low), 2 * 1.96 * std::hypot(0.1, 0.07), 0.01);
+  EXPECT_NEAR(bounds.ln_sd, std::hypot(0.1, 0.07), 0.005);
+  const auto open = posterior({{2e5, 1.5, 0}});
+  EXPECT_EQ(sigma_bounds(open, {.ln_floor = 0.07}).value, sigma_bounds(open, {}).value);
+}
+
 // The limit holds with 95 %, of the profile and of the weight both, whichever asks for more.
 TEST(Posterior, OpenTowardsClearAirIsALimitAbove) {
   const SigmaBounds bounds = sigma_bounds(posterior({{2e5, 1.5, 0}}), {});
