@@ -1,9 +1,11 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +23,7 @@ namespace {
 
 using scattering::GlowModel;
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRingInner = 0.97, kRingOuter = 1.03;  // of monte_carlo's rings, over their angle
 
 struct Options {
   double q = 0, thickness = 0, albedo = 1;
@@ -86,28 +89,55 @@ void check_monte_carlo(const Options& options) {
     refuse("medium radius", *options.medium_radius, "range, above the optical thickness to 10000");
 }
 
-// One run for every angle: a ring of its own, 6 % wide.
+// Angles, by their place in the list, whose rings of ±3 % lie apart: one run counts them all. Those that
+// overlap go into further runs.
+std::vector<std::vector<std::size_t>> runs_of_apart_rings(const std::vector<double>& theta_deg) {
+  std::vector<std::size_t> order(theta_deg.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return theta_deg[a] < theta_deg[b]; });
+  std::vector<std::vector<std::size_t>> runs;
+  for (const std::size_t i : order) {
+    const auto apart = std::find_if(runs.begin(), runs.end(), [&](const std::vector<std::size_t>& run) {
+      return theta_deg[run.back()] * kRingOuter < theta_deg[i] * kRingInner;
+    });
+    if (apart == runs.end())
+      runs.push_back({i});
+    else
+      apart->push_back(i);
+  }
+  return runs;
+}
+
 void print_monte_carlo(const Options& options) {
-  std::vector<std::string> errors;
-  std::puts("theta_deg,single,multiple,total");
-  for (const double theta_deg : options.theta_deg) {
+  std::vector<std::string> values(options.theta_deg.size()), errors(options.theta_deg.size());
+  for (const std::vector<std::size_t>& rings : runs_of_apart_rings(options.theta_deg)) {
     scattering::GlowPhotons run;
     run.q = options.q;
     run.albedos = {options.albedo};
     run.thicknesses = {options.thickness};
-    run.theta_edges_rad = {theta_deg * 0.97 * kDegree, theta_deg * 1.03 * kDegree};
+    for (const std::size_t i : rings)
+      for (const double edge : {kRingInner, kRingOuter})
+        run.theta_edges_rad.push_back(options.theta_deg[i] * edge * kDegree);
     run.photons = options.photons;
     run.seed = options.seed;
     run.black_radius = options.medium_radius;
     const auto glow = scattering::simulate_glow(run, threads(options.threads));
-    std::printf("%.10g,%.9e,%.9e,%.9e\n", theta_deg, glow.single(0, 0, 0).value, glow.multiple(0, 0, 0).value,
-                glow.total(0, 0, 0).value);
-    errors.push_back(fmt::format(
-        "# theta_deg {}: standard deviation of single {:.2e}, multiple {:.2e}, total {:.2e}", theta_deg,
-        glow.single(0, 0, 0).sigma, glow.multiple(0, 0, 0).sigma, glow.total(0, 0, 0).sigma));
+    for (std::size_t k = 0; k < rings.size(); ++k) {
+      const auto single = glow.single(0, 0, 2 * k), multiple = glow.multiple(0, 0, 2 * k),
+                 total = glow.total(0, 0, 2 * k);
+      const double theta_deg = options.theta_deg[rings[k]];
+      values[rings[k]] =
+          fmt::format("{:.10g},{:.9e},{:.9e},{:.9e}", theta_deg, single.value, multiple.value, total.value);
+      errors[rings[k]] =
+          fmt::format("# theta_deg {}: standard deviation of single {:.2e}, multiple {:.2e}, total {:.2e}",
+                      theta_deg, single.sigma, multiple.sigma, total.sigma);
+    }
   }
+  std::puts("theta_deg,single,multiple,total");
+  for (const std::string& line : values) std::puts(line.c_str());
   for (const std::string& line : errors) std::puts(line.c_str());
-  std::printf("# %llu photons for each angle, seed %llu; each value is the mean over a ring of +-3 %%\n",
+  std::printf("# %llu photons, seed %llu; each value is the mean over a ring of +-3 %%\n",
               static_cast<unsigned long long>(options.photons),
               static_cast<unsigned long long>(options.seed));
   if (options.medium_radius)
@@ -151,7 +181,7 @@ void add_glow(CLI::App& program) {
   command->add_option("--theta-deg", options->theta_deg, "Angles from the lamp, separated by commas")
       ->delimiter(',')
       ->required();
-  command->add_option("--photons", options->photons, "monte_carlo: photons for each angle")
+  command->add_option("--photons", options->photons, "monte_carlo: photons to count")
       ->check(CLI::Range(std::uint64_t{64}, std::uint64_t{1'000'000'000'000}))
       ->capture_default_str();
   command->add_option(
