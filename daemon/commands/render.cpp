@@ -52,14 +52,14 @@ cv::Mat read_picture(const std::string& path) {
   return picture;
 }
 
-double full_scale(const cv::Mat& picture) {
-  return picture.depth() == CV_8U ? 255 : picture.depth() == CV_16U ? 65535 : 0;
+bool is_real(int sample_type) {
+  return sample_type != CV_8U && sample_type != CV_16U;
 }
 
 // 8-bit pictures carry the sRGB curve, everything deeper is linear.
 std::vector<cv::Mat> linear_channels(const cv::Mat& picture) {
-  cv::Mat real;
-  picture.convertTo(real, CV_32F);
+  cv::Mat real = picture;
+  if (picture.depth() != CV_32F) picture.convertTo(real, CV_32F);
   std::vector<cv::Mat> channels;
   cv::split(real, channels);
   if (picture.depth() == CV_8U)
@@ -80,20 +80,21 @@ void to_srgb(cv::Mat& channel) {
 }
 
 // Brightness of a float picture has no end that could be white: it is not squeezed into integers.
-void refuse_integers_for_float(const std::string& out, const cv::Mat& clear) {
+void refuse_integers_for_float(const std::string& out, int sample_type) {
   const std::string extension = std::filesystem::path(out).extension().string();
-  if (full_scale(clear) == 0 && extension != ".exr" && extension != ".tif" && extension != ".tiff")
+  if (is_real(sample_type) && extension != ".exr" && extension != ".tif" && extension != ".tiff")
     throw UsageError(fmt::format("render: {}: a float picture is written as .exr or .tiff", out));
 }
 
-void write_picture(const std::string& path, std::vector<cv::Mat> channels, const cv::Mat& like) {
+void write_picture(const std::string& path, std::vector<cv::Mat> channels, int sample_type) {
   const std::string extension = std::filesystem::path(path).extension().string();
-  const bool real = extension == ".exr" || full_scale(like) == 0;
+  const bool real = extension == ".exr" || is_real(sample_type);
   cv::Mat picture;
-  if (!real && like.depth() == CV_8U)
+  if (!real && sample_type == CV_8U)
     for (cv::Mat& channel : channels) to_srgb(channel);
   cv::merge(channels, picture);
-  if (!real) picture.convertTo(picture, like.depth());  // rounds, and clips at full scale
+  channels.clear();
+  if (!real) picture.convertTo(picture, sample_type);  // rounds, and clips at full scale
   try {
     if (!cv::imwrite(path, picture)) throw IoError(fmt::format("render: cannot write {}", path));
   } catch (const cv::Exception& exception) {
@@ -128,28 +129,31 @@ void draw_progress(std::size_t done, std::size_t total) {
 
 void run(const Options& options) {
   setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);  // Debian's OpenCV has OpenEXR, switched off by default
-  const cv::Mat clear = read_picture(options.in);
-  refuse_integers_for_float(options.out, clear);
+  cv::Mat clear = read_picture(options.in);
+  const cv::Size size = clear.size();
+  const int sample_type = clear.depth();
+  refuse_integers_for_float(options.out, sample_type);
   std::vector<cv::Mat> channels = linear_channels(clear);
-  const std::vector<float> depth = read_depth(options, clear.size());
+  clear.release();  // pictures are large
+  const std::vector<float> depth = read_depth(options, size);
   scattering::RenderOptions fog;
   fog.medium = {scattering::extinction_from_mor_per_m(options.mor_m), options.albedo, options.q};
   fog.focal_length_px =
       options.focal_px > 0
           ? options.focal_px
-          : clear.cols / (2 * std::tan(options.field_of_view_deg / 2 * std::numbers::pi / 180));
+          : size.width / (2 * std::tan(options.field_of_view_deg / 2 * std::numbers::pi / 180));
   fog.single_only = options.scattering == "single";
   fog.airlight = options.airlight;
   fog.depth_layers = options.layers;
   const bool bar = !options.quiet && isatty(STDERR_FILENO) != 0;
   const std::size_t planes = channels.size();
   for (std::size_t c = 0; c < planes; ++c) {
-    cv::Mat foggy(clear.size(), CV_32F);
+    cv::Mat foggy(size, CV_32F);
     const auto progress = [&](std::size_t done, std::size_t total) {
       if (bar) draw_progress(c * total + done, planes * total);
     };
     try {
-      scattering::render_glow({channels[c].ptr<float>(), channels[c].total()}, clear.cols, clear.rows, depth,
+      scattering::render_glow({channels[c].ptr<float>(), channels[c].total()}, size.width, size.height, depth,
                               options.distance_m, fog, {foggy.ptr<float>(), foggy.total()}, progress);
     } catch (const std::domain_error& error) {
       throw UsageError(fmt::format("render: {} (MOR {} m, distance {} m)", error.what(), options.mor_m,
@@ -157,9 +161,9 @@ void run(const Options& options) {
     }
     channels[c] = foggy;
   }
-  write_picture(options.out, channels, clear);
-  fmt::print("{}: {}x{}, MOR {} m, q {}, {} scattering, focal length {:.1f} px\n", options.out, clear.cols,
-             clear.rows, options.mor_m, options.q, options.scattering, fog.focal_length_px);
+  write_picture(options.out, std::move(channels), sample_type);
+  fmt::print("{}: {}x{}, MOR {} m, q {}, {} scattering, focal length {:.1f} px\n", options.out, size.width,
+             size.height, options.mor_m, options.q, options.scattering, fog.focal_length_px);
 }
 
 }  // namespace

@@ -9,8 +9,9 @@
 // T = σR, θ = atan(distance in pixels / focal length). Pictures are linear; radiance in any unit.
 //
 // The kernel falls from 1/θ at the lamp to many degrees, so it is split smoothly: the sharp inner part runs
-// over tiles by overlap-save at full resolution, the wide rest on a picture four times coarser. Memory is
-// bounded by the picture itself plus some 10 MB of tiles and 1/8 of a padded picture for the rest.
+// over tiles by overlap-save at full resolution, the wide rest on a picture four times coarser. Beside
+// the caller's pictures it takes 17 MB for the tiles and about one more picture for the rest; a second one
+// with a depth map.
 #pragma once
 
 #include <functional>
