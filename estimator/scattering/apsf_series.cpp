@@ -34,10 +34,13 @@ GlowRadiance term(int m, double thickness, double q) {
 
 int apsf_series_terms(double thickness, double q, double relative_error) {
   check(thickness, q);
-  // |L_m| <= 1 and g_(m+1) <= g_m / T (β rises with m), so what is left after m is at most 2 g_m T/(T-1).
+  // |L_m| <= 1. Beyond m the factor 1 - q^(m-1) of β rises and (2m+1)/m falls by less than 1/m, so that
+  // g_(m+k) <= g_m e^(T/m) / T^k: what is left after m is at most 2 g_m e^(T/m) T/(T-1).
   const double whole = term(1, thickness, q).value;
   for (int m = 1; m < kMaxTerms; ++m)
-    if (2 * term(m, thickness, q).value * thickness / (thickness - 1) < relative_error * whole) return m + 1;
+    if (2 * term(m, thickness, q).value * std::exp(thickness / m) * thickness / (thickness - 1) <
+        relative_error * whole)
+      return m + 1;
   throw std::domain_error("APSF series: optical thickness = " + std::to_string(thickness) +
                           " is so near 1 that a million terms do not give the relative error asked for");
 }

@@ -13,10 +13,7 @@ constexpr std::size_t kKernelSamples = 1500;
 }  // namespace
 
 GlowKernel::GlowKernel(const RenderOptions& options, double distance_m)
-    : focal_(options.focal_length_px),
-      transmission_(std::exp(-options.medium.extinction_per_m * distance_m)),
-      first_log_(0),
-      step_(0) {
+    : focal_(options.focal_length_px), first_log_(0), step_(0) {
   const double thickness = options.medium.extinction_per_m * distance_m;
   const GlowTable& table = default_glow_table();
   first_log_ = std::log(table.domain().theta_min_rad);

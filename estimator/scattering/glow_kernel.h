@@ -24,10 +24,9 @@ class GlowKernel {
   double at(double offset_px) const;
   // Mean over the square pixel whose centre is (dx, dy) from the lamp's.
   double pixel(double dx, double dy) const;
-  double transmission() const { return transmission_; }
 
  private:
-  double focal_, transmission_, first_log_, step_;
+  double focal_, first_log_, step_;
   std::vector<double> log_value_;  // ln(θ · glow) over ln θ
 };
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -12,7 +11,6 @@
 namespace lampglow::scattering {
 namespace {
 
-using Complex = std::complex<double>;
 constexpr int kTile = 1024;        // of the inner part's transform
 constexpr double kInnerFull = 32;  // px: up to here the kernel is all inner,
 constexpr double kInnerEnd = 128;  // from here all outer

@@ -3,9 +3,8 @@
 //
 // Logarithms of single and of multiple scattering as tensor products of cubic B-splines over sqrt(1 - ω0),
 // -ln(1 - q), ln T and ln θ: values, first and second derivatives are continuous. Built by `lampglow
-// glow-table` from the solution of the transfer equation (transfer_solution.h) and the exact single
-// scattering integral; the file format is in docs/glow-table.md. Errors are below 0.2 % (see
-// docs/glow-table.md for how that was measured).
+// glow-table` from the solution of the transfer equation (transfer_solution.h), which it follows within 2e-4,
+// and the exact single scattering integral; docs/glow-table.md has the file format and how that was measured.
 //
 // Optical units: radiance per unit emitted flux Φ; times σ² it is W/m²/sr per W. Beside the scattered light
 // stands the direct beam, an irradiance of direct_irradiance(T) = e^(-T)/(4πT²) in the same units; it is not
@@ -37,8 +36,7 @@ struct GlowDomain {
 };
 
 // e^(-T)/(4πT²): irradiance of the direct beam per unit flux, optical units. Its derivative with respect to
-// ln T is
-// -(T + 2) times itself.
+// ln T is -(T + 2) times itself.
 double direct_irradiance(double thickness);
 
 class GlowTable {

@@ -43,7 +43,7 @@ class TransferSolution {
   // 0 < theta_rad < π.
   double multiple(double thickness, double theta_rad) const;
 
-  // r² × fluence rate of light scattered at least once; used in tests against known solutions.
+  // Fluence rate of light scattered at least once; used in tests against known solutions.
   double scattered_fluence_rate(double radius) const;
 
  private:
