@@ -9,7 +9,7 @@
 namespace lampglow::daemon {
 namespace {
 
-constexpr double kWidth = 520, kHeight = 340, kLeft = 70, kRight = 20, kTop = 34, kBottom = 48;
+constexpr double kWidth = 550, kHeight = 340, kLeft = 64, kRight = 86, kTop = 34, kBottom = 48;
 constexpr std::array<const char*, 7> kColours = {"#000000", "#0072b2", "#d55e00", "#009e73",
                                                  "#cc79a7", "#e69f00", "#56b4e9"};
 
@@ -26,7 +26,9 @@ struct LogAxis {
 };
 
 std::string tick_label(double value) {
-  return value >= 0.01 && value < 10000 ? fmt::format("{:g}", value) : fmt::format("{:.0e}", value);
+  if (value >= 0.0009 && value < 10001) return fmt::format("{:g}", value);
+  const double exponent = std::floor(std::log10(value) + 1e-9);
+  return fmt::format("{:.0f}e{:.0f}", value / std::pow(10, exponent), exponent);
 }
 
 std::string grid(const LogAxis& axis, bool horizontal) {
@@ -52,7 +54,8 @@ std::string grid(const LogAxis& axis, bool horizontal) {
   return out;
 }
 
-std::string draw(const Line& line, const LogAxis& x, const LogAxis& y, const char* colour) {
+std::string draw(const Line& line, const LogAxis& x, const LogAxis& y) {
+  const char* colour = kColours[line.colour % kColours.size()];
   std::string path, marks;
   for (std::size_t i = 0; i < line.x.size(); ++i) {
     if (!(line.x[i] > 0 && line.y[i] > 0)) continue;
@@ -60,8 +63,23 @@ std::string draw(const Line& line, const LogAxis& x, const LogAxis& y, const cha
     path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", px, py);
     marks += fmt::format("<circle cx='{:.1f}' cy='{:.1f}' r='2.6' fill='{}'/>", px, py, colour);
   }
-  if (line.points) return marks + "\n";
-  return fmt::format("<path d='{}' fill='none' stroke='{}' stroke-width='1.6'/>\n", path, colour);
+  if (line.style == Line::Style::points) return marks + "\n";
+  const bool dashed = line.style == Line::Style::dashed;
+  return fmt::format("<path d='{}' fill='none' stroke='{}' stroke-width='{}'{}/>\n", path, colour,
+                     dashed ? 1.1 : 1.6, dashed ? " stroke-dasharray='4 3'" : "");
+}
+
+// Beside the plot, so that it never lies upon a line.
+std::string legend(const std::vector<Line>& lines) {
+  std::string out;
+  double at = kTop + 10;
+  for (const Line& line : lines) {
+    if (line.name.empty()) continue;
+    out += fmt::format("<text x='{}' y='{}' fill='{}'>{}</text>\n", kWidth - kRight + 8, at,
+                       kColours[line.colour % kColours.size()], line.name);
+    at += 15;
+  }
+  return out;
 }
 
 }  // namespace
@@ -83,12 +101,8 @@ std::string svg_plot(const std::string& title, const std::string& x_label, const
       fmt::format("<svg viewBox='0 0 {} {}' role='img'><title>{}</title>\n", kWidth, kHeight, title);
   out += fmt::format("<text class='title' x='{}' y='16'>{}</text>\n", kLeft, title);
   out += grid(x, true) + grid(y, false);
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    const char* colour = kColours[i % kColours.size()];
-    out += draw(lines[i], x, y, colour);
-    out += fmt::format("<text x='{}' y='{}' text-anchor='end' fill='{}'>{}</text>\n", kWidth - kRight - 6,
-                       kTop + 14 + 14 * static_cast<double>(i), colour, lines[i].name);
-  }
+  for (const Line& line : lines) out += draw(line, x, y);
+  out += legend(lines);
   out += fmt::format("<text x='{}' y='{}' text-anchor='middle'>{}</text>\n", (kLeft + kWidth - kRight) / 2,
                      kHeight - 8, x_label);
   out +=

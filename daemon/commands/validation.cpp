@@ -13,8 +13,6 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kQ[] = {0.75, 0.85, 0.93};
 constexpr int kConcentrations = 15;
 constexpr std::size_t kRings = 24;
-// Nearer to 1 the series needs thousands of terms, and gets no better.
-constexpr double kApsfLeast = 1.05;
 
 struct Misfit {
   double mean = 0, rms = 0;  // of ln(photons/model)
@@ -23,7 +21,7 @@ struct Misfit {
 // Rings count by 1/(1 % + noise)², and what noise alone would give is subtracted.
 std::optional<Misfit> misfit(GlowModel model, const PhotonProfile& photons, double thickness, double q,
                              bool free_scale) {
-  if (model == GlowModel::apsf_series && thickness < kApsfLeast) return std::nullopt;
+  if (model == GlowModel::apsf_series && thickness < kApsfLeastFitted) return std::nullopt;
   if (!scattering::outside_glow_model(model, thickness, q, 1, photons.theta_rad).empty()) return std::nullopt;
   std::vector<double> value(photons.theta_rad.size()), unused(value.size()), unused_too(value.size());
   scattering::glow_profile(model, thickness, q, 1, photons.theta_rad, value, unused, unused_too);
@@ -88,14 +86,16 @@ std::optional<ModelError> error_as_given(GlowModel model, const PhotonProfile& p
   return ModelError{found->rms, photons.thickness, photons.q, 1};
 }
 
-// A grid over the model's domain, then ever smaller steps about the best: it needs no derivatives and cannot
-// be led astray by models that end at their bounds.
+// A grid over the model's domain and the photons' own T and q, then ever smaller steps about the best: it
+// needs no derivatives and cannot be led astray by models that end at their bounds. Without the true T and q
+// the steps ended in the narrow valley of thin air, where T and brightness stand for each other.
 std::optional<ModelError> error_when_fitted(GlowModel model, const PhotonProfile& photons) {
   Best best;
+  best.try_at(model, photons, std::log(photons.thickness), photons.q);
   for (double log_t = std::log(0.05); log_t <= std::log(15.0); log_t += 0.4)
     for (double q = 0; q < 0.98; q += 0.1) best.try_at(model, photons, log_t, q);
   if (model == GlowModel::apsf_series)
-    for (double q = 0; q < 0.98; q += 0.1) best.try_at(model, photons, std::log(kApsfLeast), q);
+    for (double q = 0; q < 0.98; q += 0.1) best.try_at(model, photons, std::log(kApsfLeastFitted), q);
   if (!best.misfit) return std::nullopt;
   for (double step_t = 0.2, step_q = 0.05; step_t > 1e-3;) {
     const Best before = best;

@@ -36,6 +36,9 @@ struct ModelError {
 std::vector<PhotonProfile> count_photons(const ValidationOptions& options,
                                          const scattering::Executor& executor);
 
+// Nearer to 1 the series needs thousands of terms, and gets no better.
+inline constexpr double kApsfLeastFitted = 1.05;
+
 // With T and q as they are, the brightness as the model says. Empty where the model has no value.
 std::optional<ModelError> error_as_given(scattering::GlowModel model, const PhotonProfile& photons);
 // With T, q and the brightness fitted to the photons.

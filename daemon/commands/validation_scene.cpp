@@ -64,22 +64,24 @@ std::string picture(const std::vector<float>& radiance, const std::string& capti
 std::string rendered_scene() {
   const NightScene scene;
   std::string html =
-      "<h2>One scene, single and multiple scattering</h2>\n<p>Twelve lamps at 40 to 350 m, q = 0.9, four "
+      "<h2>One scene, single and multiple scattering</h2>\n<p>Twelve even lamps at 40 to 350 m, q = 0.9, "
+      "four "
       "decades of radiance on a logarithmic scale.</p>\n" +
       picture(scene.radiance, "clear");
-  for (const double extinction : {0.004, 0.02})
+  for (const double mor_m : {750.0, 150.0}) {
+    html += "<div>";  // single beside multiple
     for (const bool single : {true, false}) {
       scattering::RenderOptions fog;
-      fog.medium = {extinction, 1, 0.9};
+      fog.medium = {scattering::extinction_from_mor_per_m(mor_m), 1, 0.9};
       fog.focal_length_px = 600;
       fog.single_only = single;
       std::vector<float> out(scene.radiance.size());
       scattering::render_glow(scene.radiance, kSceneWidth, kSceneHeight, scene.depth_m, 0, fog, out);
-      html +=
-          picture(out, fmt::format("{}, MOR {:.0f} m, {} scattering", extinction < 0.01 ? "mild" : "dense",
-                                   scattering::meteorological_optical_range_m(extinction),
-                                   single ? "single" : "multiple"));
+      html += picture(out, fmt::format("{}, MOR {:.0f} m, {} scattering", mor_m > 500 ? "mild" : "dense",
+                                       mor_m, single ? "single" : "multiple"));
     }
+    html += "</div>\n";
+  }
   return html;
 }
 
