@@ -111,6 +111,7 @@ std::vector<std::vector<std::size_t>> runs_of_apart_rings(const std::vector<doub
 
 void print_monte_carlo(const Options& options) {
   std::vector<std::string> values(options.theta_deg.size()), errors(options.theta_deg.size());
+  std::uint64_t photons = 0;
   for (const std::vector<std::size_t>& rings : runs_of_apart_rings(options.theta_deg)) {
     scattering::GlowPhotons run;
     run.q = options.q;
@@ -123,6 +124,7 @@ void print_monte_carlo(const Options& options) {
     run.seed = options.seed;
     run.black_radius = options.medium_radius;
     const auto glow = scattering::simulate_glow(run, threads(options.threads));
+    photons = glow.photons();
     for (std::size_t k = 0; k < rings.size(); ++k) {
       const auto single = glow.single(0, 0, 2 * k), multiple = glow.multiple(0, 0, 2 * k),
                  total = glow.total(0, 0, 2 * k);
@@ -138,8 +140,7 @@ void print_monte_carlo(const Options& options) {
   for (const std::string& line : values) std::puts(line.c_str());
   for (const std::string& line : errors) std::puts(line.c_str());
   std::printf("# %llu photons, seed %llu; each value is the mean over a ring of +-3 %%\n",
-              static_cast<unsigned long long>(options.photons),
-              static_cast<unsigned long long>(options.seed));
+              static_cast<unsigned long long>(photons), static_cast<unsigned long long>(options.seed));
   if (options.medium_radius)
     std::printf("# in a ball of fog of %.10g mean free paths, nothing beyond it\n", *options.medium_radius);
 }
