@@ -36,6 +36,7 @@ struct Options {
 
 std::vector<double> radians(const std::vector<double>& degrees) {
   std::vector<double> result;
+  result.reserve(degrees.size());
   for (const double degree : degrees) result.push_back(degree * kDegree);
   return result;
 }
