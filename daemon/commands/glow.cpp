@@ -42,8 +42,8 @@ std::vector<double> radians(const std::vector<double>& degrees) {
 }
 
 void print_head(const Options& options) {
-  std::printf("# model %s, q %.17g, optical thickness %.17g, albedo %.17g\n", options.model.c_str(),
-              options.q, options.thickness, options.albedo);
+  fmt::print("# model {}, q {}, optical thickness {}, albedo {}\n", options.model, options.q,
+             options.thickness, options.albedo);
   std::puts("# radiance per unit emitted flux in optical units: times extinction^2 it is W/m2/sr per W");
   std::printf("# direct_irradiance %.9e (exp(-T)/(4 pi T^2), times extinction^2 it is W/m2 per W)\n",
               scattering::direct_irradiance(options.thickness));
