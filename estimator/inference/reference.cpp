@@ -209,7 +209,8 @@ RingData ring_data(const photometry::RadianceImage& image, const photometry::Reg
       const bool steep = k > 0 && map.edges_rad[k] < 1.5 * map.edges_rad[1];
       const bool doubtful_core = k == 0 && image.relative;
       const double wide = std::pow(map.rings[first + k].theta_mean_rad / kWide_rad, 2);
-      const double of_sky = std::hypot(errors.of_sky, image.relative ? 0.0 : errors.of_wide_sky * wide);
+      const double smooth = image.compressed_colour ? errors.of_coloured_sky : errors.of_sky;
+      const double of_sky = std::hypot(smooth, image.relative ? 0.0 : errors.of_wide_sky * wide);
       const double of_light = steep ? errors.steep : doubtful_core ? errors.relative_core : errors.of_light;
       data.value.push_back(ring.mean);
       data.used.push_back(ring.pixels > 0 && std::isfinite(ring.variance));

@@ -366,6 +366,7 @@ RadianceImage to_radiance(const Bracket& bracket, const Camera& camera, const Ra
 
   const OverlayRows overlay =
       options.find_overlay ? find_overlay(layers.front().exposure->pixels, camera) : OverlayRows{};
+  image.compressed_colour = camera.bit_depth <= 8 && !layers.front().exposure->monochrome;
   Merger merger(std::move(layers), camera, options, linear);
   image.saturation_radiance = merger.saturation_radiance();
   for (int row = 0; row < camera.height_px; ++row) merger.merge_row(row, image);
