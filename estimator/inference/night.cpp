@@ -149,9 +149,10 @@ void fill_q(const JointFit& fit, const NightOptions& options, Observation& obser
     observation.quality.set(Quality::q_unknown);
     return;
   }
+  const double whole = std::hypot(sd, options.luminaire_q_sigma * (1 - q) * (1 - q));
   observation.q = q;
-  observation.q_low = std::max(0.0, q - 1.96 * sd);
-  observation.q_high = std::min(1.0, q + 1.96 * sd);
+  observation.q_low = std::max(0.0, q - 1.96 * whole);
+  observation.q_high = std::min(1.0, q + 1.96 * whole);
 }
 
 void fill_weather(const JointFit& fit, const SigmaBounds& bounds, std::optional<double> humidity,
