@@ -12,29 +12,13 @@
 #include "estimator/inference/halo_models.h"
 #include "estimator/inference/posterior.h"
 #include "estimator/observation.h"
+#include "tests/estimator/inference/small_camera.h"
 
 namespace lampglow::inference {
 namespace {
 
 Camera camera() {
-  Camera c;
-  c.width_px = 380;
-  c.height_px = 252;
-  c.focal_length_px = 522;
-  c.principal_x_px = 190;
-  c.principal_y_px = 126;
-  return c;
-}
-
-PointSpread spread() {
-  PointSpread s;
-  s.core_theta_rad = 5.0 / 522;
-  s.core_fraction = 0.95;
-  for (int n = 0; n < 20; ++n) {
-    s.theta_rad.push_back(s.core_theta_rad * std::pow(1.2, n));
-    s.ln_density.push_back(std::log(1e-4) - 2.6 * n * std::log(1.2));
-  }
-  return s;
+  return pinhole(380, 252, 522);
 }
 
 struct Fixture {
@@ -57,7 +41,7 @@ struct Fixture {
       centres.push_back({lamp.x_px, lamp.y_px, std::exp(lamp.ln_strength) / 1e4});
     }
     map = photometry::make_ring_map(camera(), centres, {.rings = 30});
-    scene = std::make_unique<Scene>(camera(), lamps, spread(), map);
+    scene = std::make_unique<Scene>(camera(), lamps, plain_spread(522, 20), map);
   }
 
   // Parameters of a random night, and its rings with noise.

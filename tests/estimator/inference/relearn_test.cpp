@@ -10,6 +10,7 @@
 #include <random>
 
 #include "estimator/inference/relearner.h"
+#include "tests/estimator/inference/small_camera.h"
 
 namespace lampglow::inference {
 namespace {
@@ -20,13 +21,7 @@ constexpr double kDistances_m[] = {60, 120, 300, 600, 1200};
 const TimePoint kEvening = parse_time_utc("2026-01-15T18:00:00Z").value();
 
 Camera camera() {
-  Camera c;
-  c.width_px = 200;
-  c.height_px = 100;
-  c.focal_length_px = 300;
-  c.principal_x_px = 100;
-  c.principal_y_px = 50;
-  return c;
+  return pinhole(200, 100, 300);
 }
 
 ClearReference reference() {
@@ -52,13 +47,7 @@ ClearReference reference() {
   centres.push_back({190, 20, 1000});
   reference.lamps.push_back({"stray-1", 190, 20, std::exp(10), 0.06, false});
   reference.catalogue.push_back({"stray-1", 190, 20, 0.1, 500.0});
-  PointSpread spread;
-  spread.core_theta_rad = 5.0 / 300;
-  spread.core_fraction = 0.95;
-  for (int n = 0; n < 10; ++n) {
-    spread.theta_rad.push_back(spread.core_theta_rad * std::pow(1.2, n));
-    spread.ln_density.push_back(std::log(1e-4) - 2.6 * n * std::log(1.2));
-  }
+  const PointSpread spread = plain_spread(300, 10);
   reference.spread = spread;
   reference.rings =
       std::make_shared<const photometry::RingMap>(photometry::make_ring_map(camera(), centres, {.rings = 8}));

@@ -3,12 +3,12 @@
 #include <gmock/gmock.h>
 
 #include <boost/json.hpp>
-#include <map>
 #include <memory>
 #include <set>
 #include <sstream>
 
 #include "storage/reader.h"
+#include "tests/support/csv_rows.h"
 #include "tests/support/run_program.h"
 #include "tests/system/station/serving.h"
 
@@ -18,6 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 using test::ProgramRun;
 using test::read_all;
+using test::rows_by_time;
 using test::run_program;
 using ::testing::HasSubstr;
 
@@ -67,19 +68,6 @@ TEST_F(MainJob, TheNumberOfWorkersLeavesNoTrace) {
   EXPECT_EQ(csv, read_all(at("2.csv")));
   EXPECT_EQ(content, storage::Reader(at("2.db")).content());
   EXPECT_EQ(read_all(at("1.scores.json")), read_all(at("2.scores.json")));
-}
-
-// Fields of each row of a CSV by its time.
-std::map<std::string, std::vector<std::string>> rows_by_time(const std::string& csv) {
-  std::map<std::string, std::vector<std::string>> rows;
-  std::istringstream lines(csv);
-  for (std::string line; std::getline(lines, line);) {
-    std::vector<std::string> fields;
-    std::istringstream in(line);
-    for (std::string field; std::getline(in, field, ',');) fields.push_back(field);
-    if (!fields.empty()) rows[fields.front()] = fields;
-  }
-  return rows;
 }
 
 // Where fog hides every lamp the answer is "at most", true and flagged, and never a guess.

@@ -11,6 +11,7 @@
 
 #include "storage/reader.h"
 #include "storage/references.h"
+#include "tests/support/csv_rows.h"
 #include "tests/support/run_program.h"
 #include "tests/system/station/serving.h"
 
@@ -22,6 +23,7 @@ using storage::ReferenceOrigin;
 using storage::ReferenceRecord;
 using test::ProgramRun;
 using test::read_all;
+using test::rows_by_time;
 using test::run_program;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -46,18 +48,6 @@ class Relearning : public ::testing::Test {
 };
 std::unique_ptr<TempFolder> Relearning::folder_;
 
-std::map<std::string, std::vector<std::string>> rows_of(const std::string& csv) {
-  std::map<std::string, std::vector<std::string>> rows;
-  std::istringstream lines(csv);
-  for (std::string line; std::getline(lines, line);) {
-    std::vector<std::string> fields;
-    std::istringstream in(line);
-    for (std::string field; std::getline(in, field, ',');) fields.push_back(field);
-    if (!fields.empty()) rows[fields[0]] = fields;
-  }
-  return rows;
-}
-
 // Of the frames from `since` on with MOR up to 8 km.
 struct Score {
   int frames = 0, covered = 0;
@@ -67,8 +57,8 @@ struct Score {
 Score score_since(const std::string& csv, const std::string& truth_csv, const std::string& since) {
   Score score;
   int values = 0;
-  const auto rows = rows_of(read_all(csv));
-  for (const auto& [time, truth] : rows_of(read_all(truth_csv))) {
+  const auto rows = rows_by_time(read_all(csv));
+  for (const auto& [time, truth] : rows_by_time(read_all(truth_csv))) {
     if (time < since || time == "time_utc") continue;
     const double mor_m = std::stod(truth.at(1));
     if (mor_m > 8000) continue;
@@ -143,7 +133,7 @@ TEST_F(Relearning, FogAllWeekTeachesNothing) {
   EXPECT_EQ(references_in(at("fog.db")).size(), 1U) << "the clear brackets' own";
   // It was fog, and every frame says so by a value: nothing was left out for want of an answer.
   int foggy = 0;
-  for (const auto& [when, row] : rows_of(read_all(at("fog.csv"))))
+  for (const auto& [when, row] : rows_by_time(read_all(at("fog.csv"))))
     if (row[4].empty() && !row[1].empty() && row[9] == "fog") foggy += std::stod(row[1]) < 1000;
   EXPECT_EQ(foggy, 40);
 }
