@@ -55,6 +55,7 @@ std::vector<DayFrame> clearest(const std::vector<DayFrame>& frames) {
     if (frame.sun_altitude_deg >= kLeastSunClear_deg) high.push_back(frame);
   if (high.empty()) high = frames;
   std::vector<double> mors;
+  mors.reserve(high.size());
   for (const DayFrame& frame : high) mors.push_back(frame.mor_m);
   std::sort(mors.begin(), mors.end());
   const double least = mors[mors.size() * 2 / 3];

@@ -135,8 +135,7 @@ void complain(const Bracket& bracket, int bit_depth) {
   const CheckResult check = FrameChecker({.bit_depth = bit_depth}).check(bracket);
   if (check.fault != Fault::none)
     fmt::print("WRONG     {}\n          {}\n", check.message, fault_info(check.fault).meaning);
-  const bool saturated = bracket.exposures.front().pixels.pixels.size() > 0 &&
-                         bracket.exposures.size() == 1 &&
+  const bool saturated = !bracket.exposures.front().pixels.pixels.empty() && bracket.exposures.size() == 1 &&
                          std::ranges::max(bracket.exposures.front().pixels.pixels) >= (1 << bit_depth) - 1;
   if (saturated)
     fmt::print("note      Lamps are saturated: use a bracket with shorter exposures where the camera can.\n");

@@ -97,8 +97,9 @@ void Renderer::add_halo(Image<double>& canvas, const HaloProfile& halo, PixelPos
       const int samples = cusp ? kCuspSamples : 1;
       double sum = 0;
       for (int i = 0; i < samples * samples; ++i) {
-        const double sub_x = x + (i % samples + 0.5) / samples;
-        const double sub_y = y + (i / samples + 0.5) / samples;
+        const int across = i % samples, down = i / samples;
+        const double sub_x = x + (across + 0.5) / samples;
+        const double sub_y = y + (down + 0.5) / samples;
         const double azimuth = halo.even() ? 0 : std::atan2(sub_x - lamp.x_px, lamp.y_px - sub_y);
         sum += halo.radiance(std::max(ln_angle(ray_of(sub_x, sub_y), to_lamp), -12.0), azimuth);
       }

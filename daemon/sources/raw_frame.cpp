@@ -120,7 +120,7 @@ const std::uint8_t* line(const RawFrame& frame, int row) {
 std::uint16_t packed_sample(const std::uint8_t* in, int column, int bits) {
   const int group = bits == 10 ? 4 : 2, low_bits = bits - 8;
   const int place = column % group;
-  const std::uint8_t* at = in + (column / group) * (group + 1);
+  const std::uint8_t* at = in + static_cast<std::ptrdiff_t>(column / group) * (group + 1);
   const int low = at[group] >> (place * low_bits) & ((1 << low_bits) - 1);
   return static_cast<std::uint16_t>(at[place] << low_bits | low);
 }
@@ -130,7 +130,7 @@ Picture samples(const RawFrame& frame) {
   for (int row = 0; row < frame.height_px; ++row) {
     const std::uint8_t* in = line(frame, row);
     std::uint16_t* out = &picture.at(0, row);
-    for (int i = 0; i < frame.width_px; ++i) {
+    for (std::ptrdiff_t i = 0; i < frame.width_px; ++i) {
       switch (frame.format->kind) {
         case grey8:
           out[i] = in[i];
@@ -142,7 +142,7 @@ Picture samples(const RawFrame& frame) {
           out[i] = static_cast<std::uint16_t>(in[2 * i] << 8 | in[2 * i + 1]);
           break;
         default:
-          out[i] = packed_sample(in, i, frame.format->bits);
+          out[i] = packed_sample(in, static_cast<int>(i), frame.format->bits);
       }
     }
   }
@@ -188,7 +188,7 @@ struct Chroma {
 };
 
 Chroma chroma_at(const RawFrame& frame, int column, int row) {
-  const int pair = column / 2;
+  const std::ptrdiff_t pair = column / 2;
   if (frame.format->kind == nv12) {
     const std::uint8_t* in = line(frame, frame.height_px + row / 2) + 2 * pair;
     return {in[0], in[1]};
@@ -199,8 +199,9 @@ Chroma chroma_at(const RawFrame& frame, int column, int row) {
 
 int luma_at(const RawFrame& frame, int column, int row) {
   const std::uint8_t* in = line(frame, row);
-  if (frame.format->kind == nv12) return in[column];
-  return frame.format->kind == yuyv ? in[2 * column] : in[2 * column + 1];
+  const std::ptrdiff_t place = column;
+  if (frame.format->kind == nv12) return in[place];
+  return frame.format->kind == yuyv ? in[2 * place] : in[2 * place + 1];
 }
 
 void decode_yuv(const RawFrame& frame, Exposure& exposure) {
