@@ -74,10 +74,10 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
 // The rings of a frame as data for a fit: sigma holds noise and model error. `foreign` lights' surroundings
 // are left out.
 struct RingErrors {
-  double of_light = 0.02;     // relative, of what the ring has above the sky
-  double of_sky = 0.002;      // relative, of the whole
+  double of_light = 0.02;         // relative, of what the ring has above the sky
+  double of_sky = 0.002;          // relative, of the whole
   double of_coloured_sky = 0.01;  // instead of of_sky for 8-bit colour
-  double of_wide_sky = 0.02;  // the same at 9°, growing as θ²: the sky is no plane
+  double of_wide_sky = 0.02;      // the same at 9°, growing as θ²: the sky is no plane
   double of_pattern =
       0.5;  // of what the reference showed over its smooth sky: roofs fade, domes of light do not
   double relative_core =

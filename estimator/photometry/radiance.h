@@ -46,7 +46,8 @@ struct RadianceImage {
   Image<std::uint8_t> mask;              // 0 or the bits above
   std::vector<PixelIndex> hot_pixels{};  // that stand out in this picture, known or not; as looked for
   bool relative = false;
-  bool compressed_colour = false;  // 8-bit colour: chroma's compression leaks into green, whole blocks at once
+  bool compressed_colour =
+      false;  // 8-bit colour: chroma's compression leaks into green, whole blocks at once
   double saturation_radiance = 0;  // what the shortest exposure can just hold
   double shortest_s =
       1;  // effective exposure (time times gain) of the shortest and longest used; 1 if relative
