@@ -73,6 +73,7 @@ class QualityFlags {
  public:
   void set(Quality flag) { bits_ |= bit(flag); }
   void set(QualityFlags other) { bits_ |= other.bits_; }
+  void clear(Quality flag) { bits_ &= ~bit(flag); }
   bool has(Quality flag) const { return (bits_ & bit(flag)) != 0; }
   bool empty() const { return bits_ == 0; }
   std::uint64_t bits() const { return bits_; }

@@ -89,6 +89,9 @@ Observation combine(const Observation& glow, const Observation& contrast, std::o
       choose(glow, contrast, glow_weight(altitude_deg, options), contrast_weight(altitude_deg, options));
   result.quality.set(glow.quality);
   result.quality.set(contrast.quality);
+  // Only the answer's own limit is flagged, not that of the method which was outweighed.
+  if (result.limit != Limit::above) result.quality.clear(Quality::limit_above);
+  if (result.limit != Limit::below) result.quality.clear(Quality::limit_below);
   return result;
 }
 

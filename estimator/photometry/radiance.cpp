@@ -23,7 +23,9 @@ struct Layer {
 };
 
 // What is wrong with one exposure, if anything.
-std::string exposure_fault(const Exposure& exposure, const Camera& camera, QualityFlags& quality) {
+// `overexposed`: every pixel is saturated, as in a bracket's longest exposure of fog by day.
+std::string exposure_fault(const Exposure& exposure, const Camera& camera, QualityFlags& quality,
+                           bool& overexposed) {
   const auto size = [](int width, int height) {
     return std::to_string(width) + "x" + std::to_string(height);
   };
@@ -43,7 +45,8 @@ std::string exposure_fault(const Exposure& exposure, const Camera& camera, Quali
     return exposure.name + ": value " + std::to_string(brightest) + ", expected at most " +
            std::to_string((1U << static_cast<unsigned>(camera.bit_depth)) - 1);
   }
-  if (darkest == brightest) {
+  overexposed = darkest >= camera.saturation_dn;
+  if (darkest == brightest && !overexposed) {
     quality.set(Quality::frame_blank);
     return exposure.name + ": every pixel is " + std::to_string(darkest);
   }
@@ -59,14 +62,20 @@ void add_fault(std::string& fault, const std::string& what) {
 // first alone.
 std::vector<Layer> usable_layers(const Bracket& bracket, const Camera& camera, RadianceImage& result) {
   std::vector<Layer> layers;
+  bool any_overexposed = false;
   for (const Exposure& exposure : bracket.exposures) {
-    if (const std::string fault = exposure_fault(exposure, camera, result.quality); !fault.empty()) {
-      add_fault(result.fault, fault);
-      continue;
-    }
+    bool overexposed = false;
+    const std::string fault = exposure_fault(exposure, camera, result.quality, overexposed);
+    any_overexposed = any_overexposed || overexposed;
+    if (!fault.empty()) add_fault(result.fault, fault);
+    if (!fault.empty() || overexposed) continue;
     const bool timed = exposure.exposure_s && *exposure.exposure_s > 0;
     const double gain = std::pow(10.0, exposure.gain_db.value_or(0) / 20);
     layers.push_back({&exposure, timed ? *exposure.exposure_s * gain : 0.0, {}, {}});
+  }
+  if (layers.empty() && any_overexposed) {
+    result.quality.set(Quality::frame_blank);
+    add_fault(result.fault, "every pixel is saturated");
   }
   if (std::any_of(layers.begin(), layers.end(), [](const Layer& layer) { return layer.effective_s > 0; })) {
     std::erase_if(layers, [](const Layer& layer) { return layer.effective_s <= 0; });

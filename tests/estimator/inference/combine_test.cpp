@@ -69,6 +69,13 @@ TEST(Combine, ALimitOfAPoorFitUndoesNoValueThatFits) {
   EXPECT_EQ(combine(limit, contrast, -4).limit, Limit::above);
 }
 
+TEST(Combine, OnlyTheAnswersOwnLimitIsFlagged) {
+  Observation limit = above(Method::glow, 2000);
+  limit.quality.set(Quality::limit_above);
+  EXPECT_FALSE(combine(limit, value(Method::contrast, 5000, 0.1), -2).quality.has(Quality::limit_above));
+  EXPECT_TRUE(combine(limit, above(Method::contrast, 1000), -2).quality.has(Quality::limit_above));
+}
+
 TEST(Combine, OfTwoLimitsTheTighterHolds) {
   EXPECT_NEAR(*combine(above(Method::glow, 2000), above(Method::contrast, 9000), -1).mor_m(), 9000, 1e-6);
 }

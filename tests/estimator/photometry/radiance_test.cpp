@@ -156,6 +156,24 @@ TEST(Radiance, BadFramesAreFlaggedInWordsAndTheRestIsUsed) {
   EXPECT_TRUE(to_radiance(Bracket{}, camera).empty());
 }
 
+// In fog by day a bracket's long exposures are white all over: no fault, as long as a shorter one is not.
+TEST(Radiance, WhiteExposuresAreLeftOutWithoutAFault) {
+  std::mt19937_64 random(5);
+  const Camera camera = scene::camera_12_bit(20, 20);
+  Bracket bracket = scene::bracket(Image<double>(20, 20, 100.0), camera, {8, 1}, random);
+  bracket.exposures[0].pixels = Image<std::uint16_t>(20, 20, 4095);
+  RadianceImage image = to_radiance(bracket, camera);
+  EXPECT_TRUE(image.quality.empty());
+  EXPECT_TRUE(image.fault.empty());
+  EXPECT_DOUBLE_EQ(image.longest_s, 1);
+
+  bracket.exposures[1].pixels = bracket.exposures[0].pixels;
+  image = to_radiance(bracket, camera);
+  EXPECT_TRUE(image.empty());
+  EXPECT_TRUE(image.quality.has(Quality::frame_blank));
+  EXPECT_THAT(image.fault, HasSubstr("every pixel is saturated"));
+}
+
 // 8-bit sRGB: means come out linear, and the claimed variance covers what quantisation does.
 TEST(Radiance, SrgbPicturesBecomeLinear) {
   constexpr int kSize = 100;
