@@ -166,6 +166,7 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
   }
   if (frames.empty()) return std::nullopt;
   std::vector<photometry::RegisteredFrame> registered;
+  registered.reserve(frames.size());
   for (const auto& frame : frames) registered.push_back(frame.registered);
   catalogue =
       photometry::refine_catalogue(catalogue, registered, site.camera.width_px, site.camera.height_px);

@@ -92,10 +92,11 @@ std::optional<ModelError> error_as_given(GlowModel model, const PhotonProfile& p
 std::optional<ModelError> error_when_fitted(GlowModel model, const PhotonProfile& photons) {
   Best best;
   best.try_at(model, photons, std::log(photons.thickness), photons.q);
-  for (double log_t = std::log(0.05); log_t <= std::log(15.0); log_t += 0.4)
-    for (double q = 0; q < 0.98; q += 0.1) best.try_at(model, photons, log_t, q);
+  constexpr int kThicknesses = 15, kQs = 10;  // from 0.05 by 0.4 of ln T, from 0 by 0.1
+  for (int i = 0; i < kThicknesses; ++i)
+    for (int k = 0; k < kQs; ++k) best.try_at(model, photons, std::log(0.05) + 0.4 * i, 0.1 * k);
   if (model == GlowModel::apsf_series)
-    for (double q = 0; q < 0.98; q += 0.1) best.try_at(model, photons, std::log(kApsfLeastFitted), q);
+    for (int k = 0; k < kQs; ++k) best.try_at(model, photons, std::log(kApsfLeastFitted), 0.1 * k);
   if (!best.misfit) return std::nullopt;
   for (double step_t = 0.2, step_q = 0.05; step_t > 1e-3;) {
     const Best before = best;

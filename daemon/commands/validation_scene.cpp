@@ -16,29 +16,33 @@ namespace lampglow::daemon {
 namespace {
 
 constexpr int kSceneWidth = 480, kSceneHeight = 270;
+constexpr std::size_t kScenePixels = std::size_t{kSceneWidth} * kSceneHeight;
+
+std::size_t pixel(int column, int row) {
+  return static_cast<std::size_t>(row) * kSceneWidth + static_cast<std::size_t>(column);
+}
 
 // Two rows of lamps along a road, nearer ones larger and brighter, a dim sky.
 struct NightScene {
-  std::vector<float> radiance = std::vector<float>(kSceneWidth * kSceneHeight, 0.001f);
-  std::vector<float> depth_m = std::vector<float>(kSceneWidth * kSceneHeight, 400.0f);
+  std::vector<float> radiance = std::vector<float>(kScenePixels, 0.001f);
+  std::vector<float> depth_m = std::vector<float>(kScenePixels, 400.0f);
 
   NightScene() {
     for (const double distance : {40.0, 60.0, 90.0, 140.0, 220.0, 350.0})
       for (const int side : {-1, 1}) {
-        const double x = kSceneWidth / 2 + side * 7000 / distance, y = kSceneHeight * 0.55 - 3500 / distance;
+        const double x = 0.5 * kSceneWidth + side * 7000 / distance,
+                     y = kSceneHeight * 0.55 - 3500 / distance;
         const int size = distance < 80 ? 2 : 1;
         for (int dy = 0; dy < size; ++dy)
-          for (int dx = 0; dx < size; ++dx) {
-            const auto at =
-                static_cast<std::size_t>((static_cast<int>(y) + dy) * kSceneWidth + static_cast<int>(x) + dx);
-            radiance[at] = static_cast<float>(3e6 / (distance * distance) / (size * size));
-          }
+          for (int dx = 0; dx < size; ++dx)
+            radiance[pixel(static_cast<int>(x) + dx, static_cast<int>(y) + dy)] =
+                static_cast<float>(3e6 / (distance * distance) / (size * size));
       }
     // Each row of the picture has one distance, the road's: lamps hang at theirs.
     for (int row = 0; row < kSceneHeight; ++row) {
       const double below = kSceneHeight * 0.55 - row;
       const double distance = below > 0 ? std::clamp(3500 / below, 36.0, 400.0) : 400;
-      std::fill_n(depth_m.begin() + row * kSceneWidth, kSceneWidth, static_cast<float>(distance));
+      std::fill_n(&depth_m[pixel(0, row)], kSceneWidth, static_cast<float>(distance));
     }
   }
 };
@@ -48,7 +52,7 @@ std::string picture(const std::vector<float>& radiance, const std::string& capti
   for (int row = 0; row < kSceneHeight; ++row)
     for (int column = 0; column < kSceneWidth; ++column) {
       // Four decades, logarithmic: glow spans more than any screen.
-      const float value = radiance[static_cast<std::size_t>(row * kSceneWidth + column)];
+      const float value = radiance[pixel(column, row)];
       shown.at<unsigned char>(row, column) =
           cv::saturate_cast<unsigned char>(255 * (std::log10(std::max(value, 1e-6f)) + 2.3f) / 4);
     }

@@ -112,7 +112,7 @@ std::optional<std::string> ConfigTable::text(std::string_view key) {
 
 std::optional<std::string> ConfigTable::one_of(std::string_view key,
                                                const std::vector<std::string_view>& choices) {
-  const auto value = text(key);
+  auto value = text(key);
   if (!value || std::find(choices.begin(), choices.end(), *value) != choices.end()) return value;
   std::string list;
   for (const std::string_view choice : choices) list += (list.empty() ? "" : ", ") + format_text(choice);

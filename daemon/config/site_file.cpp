@@ -103,7 +103,7 @@ NumberRange across(int side_px) {
 
 // An identifier stands in the database, in URLs and in CSV; so it is short and holds no spaces.
 std::string read_id(ConfigTable& table, std::set<std::string>& taken) {
-  const std::string id = table.required_text("id");
+  std::string id = table.required_text("id");
   if (!table.has("id")) return id;
   const bool plain =
       !id.empty() && id.size() <= 64 &&

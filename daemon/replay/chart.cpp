@@ -25,10 +25,13 @@ struct LogAxis {
   std::vector<double> ticks() const {
     std::vector<double> found;
     const bool few = high / low < 3000;
-    for (double power = std::pow(10, std::floor(std::log10(low))); power <= high; power *= 10)
-      for (const double step : {1.0, 2.0, 5.0})
-        if ((few || step == 1.0) && step * power >= low * 0.999 && step * power <= high * 1.001)
-          found.push_back(step * power);
+    const int first = static_cast<int>(std::floor(std::log10(low))),
+              last = static_cast<int>(std::floor(std::log10(high)));
+    for (int exponent = first; exponent <= last; ++exponent)
+      for (const double step : {1.0, 2.0, 5.0}) {
+        const double tick = step * std::pow(10, exponent);
+        if ((few || step == 1.0) && tick >= low * 0.999 && tick <= high * 1.001) found.push_back(tick);
+      }
     return found;
   }
 };

@@ -179,7 +179,7 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
   inference::Sequence sequence;  // hysteresis, trends and the past hour need the order of time
   const auto take = [&](Estimated&& frame) {
     if (frame.role == FrameRole::observation) {
-      frame.result.observation = sequence.add(std::move(frame.result.observation));
+      frame.result.observation = sequence.add(frame.result.observation);
       if (relearner) relearner->add(frame.result);
     }
     writer.put(frame.result);

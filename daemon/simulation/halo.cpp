@@ -23,6 +23,7 @@ std::vector<double> counting_spheres(double thickness_max) {
   const double last = std::clamp(thickness_max * 1.05, 0.1, HaloLibrary::kThickest * 1.05);
   const int count = 2 + static_cast<int>(kSpheresPerFactorE * std::log(last / kThinnest));
   std::vector<double> spheres;
+  spheres.reserve(static_cast<size_t>(count));
   for (int i = 0; i < count; ++i)
     spheres.push_back(kThinnest * std::pow(last / kThinnest, i / (count - 1.0)));
   return spheres;

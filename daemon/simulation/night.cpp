@@ -250,7 +250,7 @@ void switch_lamps_off(Night& night) {
     const auto flickering = static_cast<size_t>(random.below(night.stray_from));
     const int first = random.below(count);
     for (int i = 0; i < count; ++i) {
-      Frame& frame = night.frames[static_cast<size_t>(night.references + i)];
+      Frame& frame = night.frames[static_cast<size_t>(night.references) + static_cast<size_t>(i)];
       if (i >= first && i < first + count / 6) frame.lamp_strength[lamp] = 0;
       if (random.chance(0.03)) frame.lamp_strength[flickering] = 0;
     }

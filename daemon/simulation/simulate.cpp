@@ -34,6 +34,7 @@ std::vector<HaloRun> halo_runs(const Night& night) {
     thickness = std::min(HaloLibrary::kThickest, std::max(thickness, frame.extinction_per_m * farthest_m));
   }
   std::vector<HaloRun> runs;
+  runs.reserve(thickness_of_q.size());
   for (const auto& [q, thickness] : thickness_of_q) runs.push_back({q, thickness});
   return runs;
 }

@@ -10,16 +10,16 @@ namespace {
 
 struct WeatherClass {
   Weather weather;
+  int different_q;               // how many q a night uses
   double mor_low_m, mor_high_m;  // what this weather's visibility can be (METAR's FG, BR and HZ limits)
   double q_low, q_high;          // the lecture's range
-  int different_q;               // how many q a night uses
   double share;                  // of the night
 };
 
 constexpr WeatherClass kClasses[] = {
-    {Weather::clear, 6000, 25000, 0.40, 0.68, 2, 0.16}, {Weather::haze, 1200, 4950, 0.71, 0.79, 3, 0.15},
-    {Weather::mist, 1030, 4950, 0.805, 0.845, 3, 0.18}, {Weather::fog, 40, 970, 0.855, 0.895, 4, 0.36},
-    {Weather::rain, 1100, 8000, 0.915, 0.96, 2, 0.15},
+    {Weather::clear, 2, 6000, 25000, 0.40, 0.68, 0.16}, {Weather::haze, 3, 1200, 4950, 0.71, 0.79, 0.15},
+    {Weather::mist, 3, 1030, 4950, 0.805, 0.845, 0.18}, {Weather::fog, 4, 40, 970, 0.855, 0.895, 0.36},
+    {Weather::rain, 2, 1100, 8000, 0.915, 0.96, 0.15},
 };
 
 // The q of one class in this night, evenly spread with a random offset, so that no two nights share them.
@@ -49,6 +49,7 @@ std::vector<int> divide_night(int count, const std::vector<const WeatherClass*>&
   double total = 0;
   for (const WeatherClass* kind : classes) total += kind->share;
   std::vector<int> samples;
+  samples.reserve(classes.size());
   for (const WeatherClass* kind : classes) samples.push_back(static_cast<int>(count * kind->share / total));
   int left = count - std::accumulate(samples.begin(), samples.end(), 0);
   for (size_t i = classes.size(); left > 0; --left) samples[i = (i + samples.size() - 1) % samples.size()]++;

@@ -78,6 +78,7 @@ std::vector<Truth> read_truth(const std::filesystem::path& path) {
   }
   problems.throw_data_error();
   std::vector<Truth> truths;
+  truths.reserve(by_time.size());
   for (const auto& [time, truth] : by_time) truths.push_back(truth);
   return truths;
 }

@@ -10,7 +10,7 @@ namespace {
 
 class LiveFeed : public Feed {
  public:
-  LiveFeed(const CameraConfig& config, Clock& clock, FeedCallbacks callbacks)
+  LiveFeed(const CameraConfig& config, Clock& clock, const FeedCallbacks& callbacks)
       : loop_(options_of(config), open_source(config.source), clock,
               {[callbacks](SlotReport report) { callbacks.on_bracket(std::move(report.bracket)); },
                callbacks.on_event}) {}

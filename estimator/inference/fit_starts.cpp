@@ -95,7 +95,9 @@ std::vector<Start> starts(const Scene& scene, const HaloModel& halo, const RingD
     gains = {0.0, -0.7, 0.7, -1.6, 1.6};
   if (options.ln_half != 0) gains.emplace_back(std::nullopt);
   std::vector<Start> all;
-  for (double mor = 35; mor < 60e3; mor *= 1.5) {
+  constexpr int kVisibilities = 19;  // from 35 m to 52 km
+  double mor = 35;
+  for (int i = 0; i < kVisibilities; ++i, mor *= 1.5) {
     const Lights lights = lights_at(scene, halo, data, options, mor);
     for (const auto& ln_gain : gains) all.push_back(start_at(scene, halo, data, options, lights, ln_gain));
   }

@@ -28,8 +28,11 @@ Powers likeliest_powers(const Scene& scene, const std::vector<std::optional<doub
   constexpr double kRatioSigma = 0.04;
   const double gain_sigma = options.gain_known ? options.ln_gain_sigma : kWideGainSigma;
   const double reach = options.gain_known ? 0.6 : 3.0;
+  constexpr double kStep = 0.03;
+  const long steps = std::lround(2 * reach / kStep);
   Powers best;
-  for (double gain = -reach; gain <= reach + 1e-9; gain += 0.03) {
+  double gain = -reach;
+  for (long i = 0; i <= steps; ++i, gain += kStep) {
     double slope = 1.0;
     const double pulled = soften(gain / gain_sigma, options.prior_tail, slope);
     Powers powers{gain, pulled * pulled / 2, std::vector<double>(ln_ratio.size(), 0.0)};

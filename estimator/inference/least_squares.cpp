@@ -95,6 +95,7 @@ Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, co
              std::vector<double> start, bool hold_sigma, int max_iterations, double max_q) {
   const std::vector<int> active = free_parameters(scene, data, options, hold_sigma);
   std::vector<double> x;
+  x.reserve(active.size());
   for (const int i : active) x.push_back(start[static_cast<size_t>(i)]);
   CeresCost ceres_cost(cost, active, start);
   ceres::Problem::Options problem_options;
