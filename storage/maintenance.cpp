@@ -91,7 +91,7 @@ std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint
 std::string check(const std::filesystem::path& database, bool full) {
   return guarded(database.string(), [&] {
     SQLite::Database opened(database.string(), SQLite::OPEN_READONLY, 5000);
-    const std::string found = checked(opened, full);
+    std::string found = checked(opened, full);
     if (found == "ok" && schema_version(opened) > schema_version())
       throw StorageError(StorageError::Kind::too_new, database.string() + ": written by a later lampglow");
     return found;

@@ -109,7 +109,7 @@ ObservationRow read_mean(RowReader& row) {
 
 std::string pack_rings(const RingProfile& profile) {
   std::string blob;
-  blob.reserve(4 * 4 * profile.theta_deg.size());
+  blob.reserve(std::size_t{16} * profile.theta_deg.size());
   append(blob, profile.theta_deg);
   append(blob, profile.radiance);
   append(blob, profile.radiance_sigma);

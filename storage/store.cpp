@@ -375,11 +375,11 @@ int Store::drop_before(Kept what, TimePoint before, int max_rows) {
       while (rows.executeStep()) cameras.push_back(rows.getColumn(0).getInt64());
       rows.reset();
       const std::string of_camera = std::string(" WHERE camera_id = ?1") + place.where;
+      const std::string sql = "DELETE FROM " + std::string(place.table) + of_camera + " AND " + time +
+                              " < min(?2, coalesce((SELECT " + time + " FROM " + place.table + of_camera +
+                              " ORDER BY " + time + " LIMIT 1 OFFSET ?3), ?2))";
       for (const std::int64_t camera : cameras) {
-        impl_->run("DELETE FROM " + std::string(place.table) + of_camera + " AND " + time +
-                       " < min(?2, coalesce((SELECT " + time + " FROM " + place.table + of_camera +
-                       " ORDER BY " + time + " LIMIT 1 OFFSET ?3), ?2))",
-                   camera, to_ms(before), max_rows);
+        impl_->run(sql, camera, to_ms(before), max_rows);
         dropped += impl_->database.getChanges();
       }
     }

@@ -60,6 +60,11 @@ Cell measure_cell(const RadianceImage& image, int left, int top, int mesh_px, in
   return cell;
 }
 
+// Of a mesh `across` cells wide, row by row.
+size_t cell_index(int column, int row, int across) {
+  return static_cast<size_t>(row) * static_cast<size_t>(across) + static_cast<size_t>(column);
+}
+
 // 3x3 median for the cells that need it: a cell filled by a lamp's glare is both brighter and more uneven
 // than its neighbours, and takes their level. All others stay, so that slopes of the sky keep their shape up
 // to the edge.
@@ -71,7 +76,7 @@ std::vector<Cell> median_filter(const std::vector<Cell>& cells, int across, int 
       for (int reach = 1; level.empty() && reach < std::max(across, down) + 1; ++reach) {
         for (int y = std::max(0, j - reach); y <= std::min(down - 1, j + reach); ++y) {
           for (int x = std::max(0, i - reach); x <= std::min(across - 1, i + reach); ++x) {
-            const Cell& cell = cells[static_cast<size_t>(y * across + x)];
+            const Cell& cell = cells[cell_index(x, y, across)];
             if (!cell.known) continue;
             level.push_back(cell.level);
             sigma.push_back(cell.sigma);
@@ -80,9 +85,9 @@ std::vector<Cell> median_filter(const std::vector<Cell>& cells, int across, int 
       }
       if (level.empty()) continue;
       const Cell median{median_of(level), median_of(sigma), true};
-      const Cell& cell = cells[static_cast<size_t>(j * across + i)];
+      const Cell& cell = cells[cell_index(i, j, across)];
       const bool glare = cell.level > median.level + 3 * median.sigma && cell.sigma > 2 * median.sigma;
-      filtered[static_cast<size_t>(j * across + i)] = cell.known && !glare ? cell : median;
+      filtered[cell_index(i, j, across)] = cell.known && !glare ? cell : median;
     }
   }
   return filtered;
@@ -121,8 +126,8 @@ Background background_mesh(const RadianceImage& image, int mesh_px, int samples)
   for (int y = 0; y < height; ++y) {
     const Between& row = rows[static_cast<size_t>(y)];
     for (int i = 0; i < across; ++i) {
-      const Cell& above = cells[static_cast<size_t>(row.cell * across + i)];
-      const Cell& below = cells[static_cast<size_t>(std::min(row.cell + 1, down - 1) * across + i)];
+      const Cell& above = cells[cell_index(i, row.cell, across)];
+      const Cell& below = cells[cell_index(i, std::min(row.cell + 1, down - 1), across)];
       level[static_cast<size_t>(i)] = above.level + row.part * (below.level - above.level);
       sigma[static_cast<size_t>(i)] = above.sigma + row.part * (below.sigma - above.sigma);
     }

@@ -13,7 +13,7 @@ namespace lampglow::photometry {
 struct PixelIndex {
   int column = 0;
   int row = 0;
-  auto operator<=>(const PixelIndex&) const = default;
+  auto operator<=>(const PixelIndex&) const = default;  // NOLINT(modernize-use-nullptr): clang-tidy 14 errs
 };
 
 struct HotPixelOptions {

@@ -73,6 +73,7 @@ Plane ring_background(const RadianceImage& image, double x, double y, double inn
   for (int pass = 0; pass < 3; ++pass) {
     if (!solve_plane(samples, plane)) return plane;
     std::vector<double> residual;
+    residual.reserve(samples.size());
     for (const Sample& s : samples) residual.push_back(std::abs(s.value - plane.at(x + s.dx, y + s.dy)));
     const auto middle = residual.begin() + static_cast<std::ptrdiff_t>(residual.size() / 2);
     std::nth_element(residual.begin(), middle, residual.end());

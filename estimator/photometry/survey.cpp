@@ -114,6 +114,7 @@ std::vector<PixelIndex> fixed_to_sensor(std::span<const std::vector<DetectedLigh
                                         const std::vector<Shift>& shifts) {
   std::vector<PixelIndex> hot;
   std::vector<double> ways;
+  ways.reserve(shifts.size());
   for (const Shift& shift : shifts) ways.push_back(std::hypot(shift.x, shift.y));
   if (frames.size() < 4 || median_of(ways) < 1) return hot;
   const std::vector<Shift> still(frames.size());

@@ -49,6 +49,7 @@ std::vector<int> find_skyline(const Image<float>& picture) {
     double sky = median(top);
     for (int y = first + 15; y + kRun_px < picture.height_px; ++y) {
       std::vector<double> run;
+      run.reserve(kRun_px);
       for (int j = 0; j < kRun_px; ++j) run.push_back(picture.at(x, y + j));
       if (median(run) < kDarker * sky) {
         rows[static_cast<size_t>(x)] = y;
@@ -154,6 +155,7 @@ DaySurvey survey_day(std::span<const RadianceImage> clear, const DaySurveyOption
     }
   if (found.size() > static_cast<size_t>(options.most_targets)) {
     std::vector<double> order;
+    order.reserve(found.size());
     for (const Candidate& c : found) order.push_back(c.snr);
     std::sort(order.rbegin(), order.rend());
     const double least = order[static_cast<size_t>(options.most_targets)];

@@ -37,8 +37,8 @@ class Plane {
   }
 
   void clear() { std::fill_n(data_.get(), size(), 0.0); }
-  double& at(int column, int row) { return data_.get()[row * stride_ + column]; }
-  double* row(int index) { return data_.get() + index * stride_; }
+  double& at(int column, int row) { return data_.get()[static_cast<std::ptrdiff_t>(row) * stride_ + column]; }
+  double* row(int index) { return data_.get() + static_cast<std::ptrdiff_t>(index) * stride_; }
   int width() const { return width_; }
   int height() const { return height_; }
   void forward() { fftw_execute(forward_.get()); }
@@ -276,6 +276,7 @@ std::vector<double> layer_distances(std::span<const float> depth_m, double dista
   if (layers < 2 || *high / *low < 1.0001f)
     return {std::sqrt(static_cast<double>(*low) * static_cast<double>(*high))};
   std::vector<double> result;
+  result.reserve(static_cast<std::size_t>(layers));
   for (int i = 0; i < layers; ++i)
     result.push_back(static_cast<double>(*low) *
                      std::pow(static_cast<double>(*high) / static_cast<double>(*low), i / (layers - 1.0)));

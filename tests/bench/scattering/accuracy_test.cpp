@@ -255,7 +255,7 @@ TEST(Speed, RenderingCostsAtMostHalfMoreThanItsTransforms) {
   RenderOptions options;
   options.medium = {0.01, 1, 0.9};
   options.focal_length_px = 5000;
-  std::vector<float> clear(4000 * 3000, 0.01f), out(clear.size());
+  std::vector<float> clear(std::size_t{4000} * 3000, 0.01f), out(clear.size());
   const double render = seconds(3, [&] { render_glow(clear, 4000, 3000, {}, 100, options, out); });
   const double bare = seconds(3, [&] { bare_transforms(4000, 3000); });
   std::printf("12 Mpixel: %.2f s, bare transforms %.2f s, ratio %.2f\n", render, bare, render / bare);

@@ -15,6 +15,7 @@ namespace {
 
 std::vector<double> rings() {
   std::vector<double> theta;
+  theta.reserve(64);
   for (int i = 0; i < 64; ++i) theta.push_back(0.15 * std::pow(50, i / 63.0) * std::numbers::pi / 180);
   return theta;
 }
@@ -44,7 +45,7 @@ void photons(benchmark::State& state) {
   run.q = static_cast<double>(state.range(0)) / 100;
   run.thicknesses = {0.1, 0.3, 1, 2, 4};
   run.theta_edges_rad = log_spaced_edges_rad(0.05, 90, 40);
-  run.photons = 64 * 500;
+  run.photons = std::uint64_t{64} * 500;
   for (auto _ : state) {
     ++run.seed;
     benchmark::DoNotOptimize(simulate_glow(run));
@@ -58,7 +59,7 @@ void render_12_megapixels(benchmark::State& state) {
   RenderOptions options;
   options.medium = {0.01, 1, 0.9};
   options.focal_length_px = 5000;
-  std::vector<float> clear(4000 * 3000, 0.01f), out(clear.size());
+  std::vector<float> clear(std::size_t{4000} * 3000, 0.01f), out(clear.size());
   for (auto _ : state) render_glow(clear, 4000, 3000, {}, 100, options, out);
 }
 BENCHMARK(render_12_megapixels)->Unit(benchmark::kMillisecond);

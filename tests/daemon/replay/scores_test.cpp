@@ -24,8 +24,8 @@ Observation limit(Limit kind, double mor_m) {
   return o;
 }
 
-ScoredPair pair(Observation estimate, double truth_m, std::optional<Weather> weather = std::nullopt) {
-  return {std::move(estimate), {TimePoint{}, truth_m, {}, {}, weather}};
+ScoredPair pair(const Observation& estimate, double truth_m, std::optional<Weather> weather = std::nullopt) {
+  return {estimate, {TimePoint{}, truth_m, {}, {}, weather}};
 }
 
 TEST(Scores, WmoLimits) {
