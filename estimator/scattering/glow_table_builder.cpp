@@ -31,9 +31,9 @@ PaddedAxis make_axis(double first, double last, std::size_t nodes, std::size_t b
 // Values at nodes -> coefficients, along the axis in the middle of [outer][nodes][inner]; those that only
 // matter outside the domain are dropped.
 std::vector<double> fit_axis(const std::vector<double>& values, const PaddedAxis& axis, std::size_t inner) {
-  if (inner == 0) throw std::invalid_argument("glow table: no values to fit");
-  const std::size_t nodes = axis.nodes(), kept = axis.domain.coefficients(),
-                    outer = values.size() / (nodes * inner);
+  const std::size_t nodes = axis.nodes(), kept = axis.domain.coefficients(), slice = nodes * inner;
+  if (slice == 0) throw std::invalid_argument("glow table: no values to fit");
+  const std::size_t outer = values.size() / slice;
   const std::vector<double> matrix = spline_interpolation_matrix(nodes);
   std::vector<double> result(outer * kept * inner);
   for (std::size_t o = 0; o < outer; ++o)
