@@ -43,7 +43,8 @@ libcamera::ControlValue told(const libcamera::ControlList& metadata, const std::
 std::vector<std::string> formats_of(libcamera::Camera& camera);
 
 // Every function throws SourceError; the camera's name is in the message.
-class LibcameraSession {
+// Its members stand in the order in which they must end, and behind the mutex that guards them.
+class LibcameraSession {  // NOLINT(clang-analyzer-optin.performance.Padding)
  public:
   using Deadline = std::chrono::steady_clock::time_point;
 

@@ -83,15 +83,16 @@ Mode settled(const Scene& scene, const HaloModel& halo, const FitOptions& option
   return mode;
 }
 
-// Is it on its way to where another start has come to already?
+// Is it on its way to where another start has come to already? Not if it is deeper than that one.
 bool joins(const Scene& scene, const Mode& mode, const std::vector<Mode>& found) {
-  constexpr double kNearLnSigma = 0.05, kNearStrength = 0.15, kNearQ = 0.1;
+  constexpr double kNearLnSigma = 0.05, kNearStrength = 0.15, kNearQ = 0.1, kSameCost = 0.1;
   const Layout at(scene.lamps().size());
   const auto near = [&](const Mode& other, size_t parameter, double reach) {
     return std::abs(other.solved.parameters[parameter] - mode.solved.parameters[parameter]) < reach;
   };
   return std::any_of(found.begin(), found.end(), [&](const Mode& other) {
     bool same = other.data.ln_dimming == mode.data.ln_dimming &&
+                other.solved.cost < mode.solved.cost + kSameCost &&
                 near(other, Layout::ln_sigma, kNearLnSigma) && near(other, Layout::q, kNearQ) &&
                 near(other, Layout::ln_gain, kNearStrength);
     for (size_t j = 0; j < at.lamps && same; ++j) same = near(other, at.ln_strength(j), kNearStrength);
