@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "estimator/observation.h"
+#include "estimator/photometry/median.h"
 
 namespace lampglow::inference {
 namespace {
@@ -15,10 +16,7 @@ constexpr double kUsualFocalLength_px = 1044;
 constexpr double kCoreRadiusPerWidth = 1.9;  // core radius over the lens' full width at half maximum
 
 double median_of(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return values.empty() ? 0 : photometry::median_of(values);
 }
 
 void mask_disc(Image<std::uint8_t>& mask, double x, double y, double radius) {
