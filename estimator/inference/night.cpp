@@ -216,8 +216,10 @@ void measure_night(const photometry::RadianceImage& image, const photometry::Reg
   NightOptions options = given;
   options.fit.ln_half = options.ln_half;
   options.fit.gain_known = !image.relative && !reference.relative;
-  if (image.relative || image.shortest_s == image.longest_s)
+  if (image.relative || image.shortest_s == image.longest_s) {
+    options.bounds.inflate = options.single_exposure_inflate;
     options.bounds.ln_floor = options.single_exposure_ln_floor;
+  }
   const auto foreign = foreign_lights(registered);
   RingData data = ring_data(image, registered, *reference.rings, foreign, options.errors);
   doubt_pattern(*reference.scene, options.errors, data);
