@@ -36,7 +36,8 @@ struct EstimatorOptions {
 std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
                                               const EstimatorOptions& options);
 
-// Never throws for a bad frame: the result then has flags and a reason, and no value.
+// Never throws for a bad frame: the result then has flags and a reason, and no value. Throws FitStopped soon
+// after a stop was asked for by options.night.fit.stop.
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
                      const EstimatorOptions& options);
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -40,7 +41,12 @@ struct FitOptions {
   int max_iterations = 40;
   double min_mor_m = 12, max_mor_m = 400e3;  // where σ is searched
   bool posterior = true;                     // profile ln σ for the bounds
+  std::stop_token stop;                      // who asks for a stop gets FitStopped, never half an answer
 };
+
+// The caller no longer wants the answer. No std::exception: it is no fault, and what tells of faults lets it
+// by.
+struct FitStopped {};
 
 // A point of the profiled posterior of ln σ.
 struct PosteriorPoint {

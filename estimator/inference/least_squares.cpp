@@ -59,6 +59,18 @@ class CeresCost final : public ceres::CostFunction {
   std::vector<double> all_;
 };
 
+// Between two steps of the solver; what it then has is thrown away.
+class StopAsked final : public ceres::IterationCallback {
+ public:
+  explicit StopAsked(const std::stop_token& stop) : stop_(stop) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    return stop_.stop_requested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const std::stop_token& stop_;
+};
+
 }  // namespace
 
 Limits limits_of(const FitOptions& options) {
@@ -120,8 +132,11 @@ Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, co
   solver.max_num_line_search_step_size_iterations = 0;  // the bounds' line search doubles the evaluations
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
+  StopAsked stop_asked(options.stop);
+  solver.callbacks.push_back(&stop_asked);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
+  if (options.stop.stop_requested()) throw FitStopped();
   return {summary.final_cost, summary.termination_type == ceres::CONVERGENCE,
           static_cast<int>(summary.iterations.size()), summary.message, ceres_cost.expanded(x.data())};
 }
