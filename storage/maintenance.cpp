@@ -138,6 +138,7 @@ std::string check(const std::filesystem::path& database, bool full) {
 void vacuum(const std::filesystem::path& database) {
   guarded(database.string(), [&] {
     SQLite::Database opened(database.string(), SQLite::OPEN_READWRITE, 5000);
+    migrate(opened);
     opened.exec("VACUUM");
     opened.exec("PRAGMA wal_checkpoint(TRUNCATE)");
   });

@@ -10,6 +10,7 @@
 #include <regex>
 #include <sstream>
 
+#include "storage/maintenance.h"
 #include "storage/reader.h"
 #include "storage/references.h"
 #include "storage/store.h"
@@ -177,11 +178,26 @@ TEST(Schema, FilesOfEveryVersionAreMigratedWholeAndReadAsTheyWereMeant) {
   }
 }
 
+TEST(Schema, AnOldCopyIsMigratedByHand) {
+  TemporaryDirectory directory;
+  const auto file = directory / "copy.db";
+  ASSERT_NO_FATAL_FAILURE(restore_version(1, file));
+  try {
+    Reader reader(file);
+    FAIL() << "read a database of version 1";
+  } catch (const StorageError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("(schema version 1); `lampglow db vacuum` migrates it"));
+  }
+  vacuum(file);
+  expect_old_meanings(file, 1);
+}
+
 TEST(Schema, ALaterProgramsDatabaseIsLeftAlone) {
   TemporaryDirectory directory;
   const auto file = directory / "later.db";
   { Store store(file); }
   { SQLite::Database(file.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 99"); }
+  EXPECT_THROW(vacuum(file), StorageError);
   try {
     Store store(file);
     FAIL() << "opened a database of version 99";

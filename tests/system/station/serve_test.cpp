@@ -261,6 +261,34 @@ TEST_F(Station, TlsByOptionForThoseWhoTrustItsCertificateAndSpeakAVersionThatHol
   EXPECT_THAT(wrong.log(), HasSubstr("server.key"));
 }
 
+TEST_F(Station, NoSecretIsInAnyAnswerOrTheLog) {
+  const std::string made = run_program({"token"}).out;  // "token: ...\nhash:  ...\n"
+  const std::string token = made.substr(7, 43), hash = made.substr(made.find("hash:  ") + 7, 64);
+  write_file(folder_ / "account", "admin:geheim-1\n");
+  write_file(config_file(),
+             "name = \"quay\"\nsite_file = \"" + (archive() / "site.toml").string() +
+                 "\"\n[source]\nurl = \"http://127.0.0.1:" + std::to_string(free_port()) +
+                 "/now.jpg?key=geheim-2\"\ncredentials_file = \"" + (folder_ / "account").string() +
+                 "\"\n[schedule]\ninterval_s = 1\n[station]\ndata_directory = \"data\"\n[http]\nport = " +
+                 std::to_string(port_) + "\nprotect = \"pictures\"\ntoken_hashes = [\"" + hash + "\"]\n");
+  Serving station(config_file(), folder_ / "log");
+  ASSERT_TRUE(has_observations(2)) << station.log();
+  EXPECT_EQ(ask(port_, "/v1/frames/latest.jpg").status, 401);
+  std::string told;
+  for (const char* path : {"/v1/current", "/v1/cameras", "/v1/observations", "/v1/events", "/v1/lights",
+                           "/healthz", "/metrics", "/v1/frames", "/openapi.json", "/"})
+    told += ask(port_, path).body;
+  EXPECT_THAT(told, HasSubstr("connection_refused"));
+  write_file(config_file(), read_all(config_file()) + "no_such_key = \"geheim-3\"\n");
+  station.signal(SIGHUP);
+  EXPECT_TRUE(eventually(5s, [&] { return station.log().find("no_such_key") != std::string::npos; }))
+      << station.log();
+  end_well(station);
+  told += station.log() + run_program({"export", database()}).out + read_all(database());
+  for (const std::string& secret : {std::string("geheim"), token, hash})
+    EXPECT_EQ(told.find(secret), std::string::npos) << secret;
+}
+
 class StationWithWebCamera : public Station {
  protected:
   void SetUp() override {
