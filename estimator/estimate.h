@@ -37,7 +37,7 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
                                               const EstimatorOptions& options);
 
 // Never throws for a bad frame: the result then has flags and a reason, and no value. Throws FitStopped soon
-// after a stop was asked for by options.night.fit.stop.
+// after options.night.fit.given_up.
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
                      const EstimatorOptions& options);
 

@@ -36,7 +36,7 @@ FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup,
                             const std::stop_token& give_up) {
   try {
     EstimatorOptions options = setup.estimator;
-    options.night.fit.stop = give_up;
+    options.night.fit.given_up = [&give_up] { return give_up.stop_requested(); };
     FrameResult result = estimate(bracket, setup.site, setup.reference, options);
     if (!result.observation.extinction_per_m && !bracket.fault.empty()) result.reason = bracket.fault;
     return result;

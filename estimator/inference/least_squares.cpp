@@ -60,18 +60,22 @@ class CeresCost final : public ceres::CostFunction {
 };
 
 // Between two steps of the solver; what it then has is thrown away.
-class StopAsked final : public ceres::IterationCallback {
+class GivenUp final : public ceres::IterationCallback {
  public:
-  explicit StopAsked(const std::stop_token& stop) : stop_(stop) {}
+  explicit GivenUp(const FitOptions& options) : options_(options) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return stop_.stop_requested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+    return options_.given_up && options_.given_up() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
   }
 
  private:
-  const std::stop_token& stop_;
+  const FitOptions& options_;
 };
 
 }  // namespace
+
+void stop_if_given_up(const FitOptions& options) {
+  if (options.given_up && options.given_up()) throw FitStopped();
+}
 
 Limits limits_of(const FitOptions& options) {
   return {std::log(kMorTimesExtinction / options.max_mor_m),
@@ -132,11 +136,11 @@ Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, co
   solver.max_num_line_search_step_size_iterations = 0;  // the bounds' line search doubles the evaluations
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
-  StopAsked stop_asked(options.stop);
-  solver.callbacks.push_back(&stop_asked);
+  GivenUp given_up(options);
+  solver.callbacks.push_back(&given_up);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
-  if (options.stop.stop_requested()) throw FitStopped();
+  stop_if_given_up(options);
   return {summary.final_cost, summary.termination_type == ceres::CONVERGENCE,
           static_cast<int>(summary.iterations.size()), summary.message, ceres_cost.expanded(x.data())};
 }
