@@ -4,7 +4,6 @@
 #include <exception>
 
 #include "estimator/inference/sun.h"
-#include "estimator/photometry/targets.h"
 
 namespace lampglow {
 namespace {
@@ -132,56 +131,7 @@ void flag_light(const std::optional<inference::SunPosition>& sun, const Estimato
     observation.quality.set(Quality::twilight);
 }
 
-// Lamps are no yardstick in daylight where there are targets.
-bool for_targets(const Bracket& bracket, const Site& site, const EstimatorOptions& options) {
-  const auto sun = sun_at(bracket, site);
-  return sun && sun->altitude_deg > options.combine.glow_full_deg && !site.targets.empty();
-}
-
-// Where the sky ends, from the daylight frames among the clear ones; empty without any.
-std::vector<int> skyline_of(std::span<const Bracket> clear, const Site& site,
-                            const EstimatorOptions& options) {
-  std::vector<photometry::RadianceImage> daylight;
-  for (const Bracket& bracket : clear) {
-    if (!for_targets(bracket, site, options)) continue;
-    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
-    if (!image.empty()) daylight.push_back(std::move(image));
-  }
-  if (daylight.empty()) return {};
-  return photometry::survey_day(daylight).skyline_px;
-}
-
 }  // namespace
-
-std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
-                                              const EstimatorOptions& options) {
-  std::vector<inference::ClearFrame> frames;
-  std::vector<photometry::CatalogueLamp> catalogue = photometry::catalogue_of(site);
-  if (catalogue.empty()) return std::nullopt;
-  for (const Bracket& bracket : clear) {
-    if (for_targets(bracket, site, options)) continue;
-    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
-    if (image.empty()) continue;
-    auto registered = photometry::register_frame(image, catalogue, options.registration);
-    frames.push_back({std::move(image), std::move(registered), bracket.time_utc, bracket.reference_mor_m});
-  }
-  if (frames.empty()) return std::nullopt;
-  std::vector<photometry::RegisteredFrame> registered;
-  registered.reserve(frames.size());
-  for (const auto& frame : frames) registered.push_back(frame.registered);
-  catalogue =
-      photometry::refine_catalogue(catalogue, registered, site.camera.width_px, site.camera.height_px);
-  for (auto& frame : frames)
-    frame.registered = photometry::register_frame(frame.image, catalogue, options.registration);
-  inference::ReferenceOptions reference_options = options.reference;
-  reference_options.rings.skyline_px = skyline_of(clear, site, options);
-  auto reference = inference::learn_clear_reference(frames, site, catalogue,
-                                                    *inference::halo_model(options.model), reference_options);
-  photometry::HotPixelLearner hot;
-  for (const auto& frame : frames) hot.add(frame.image.hot_pixels);
-  if (reference) reference->hot_pixels = hot.map();
-  return reference;
-}
 
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
                      const EstimatorOptions& options) {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <span>
 
 #include "estimator/inference/combine.h"
 #include "estimator/inference/contrast_day.h"
@@ -30,11 +29,6 @@ struct EstimatorOptions {
   inference::CombineOptions combine;
   double moved_px = 7.5;  // a shift beyond this is no wind shake, which has a σ of 2.5 px: flagged
 };
-
-// The clear reference from one or several clear brackets; empty if none of them shows a lamp of the
-// catalogue.
-std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
-                                              const EstimatorOptions& options);
 
 // Never throws for a bad frame: the result then has flags and a reason, and no value. Throws FitStopped soon
 // after options.night.fit.given_up.

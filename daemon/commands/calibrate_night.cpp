@@ -7,10 +7,10 @@
 #include <map>
 
 #include "daemon/sources/archive.h"
-#include "estimator/estimate.h"
 #include "estimator/inference/distances.h"
 #include "estimator/inference/patches.h"
 #include "estimator/inference/sun.h"
+#include "estimator/learn_reference.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -42,19 +42,21 @@ std::vector<NightFrame> night_frames(const std::filesystem::path& archive, const
   return frames;
 }
 
-// The archive's own clear reference; without one, the clearest of the known frames.
+// The archive's own clear reference; without one, the first known frame that is clear enough.
 std::optional<ClearReference> reference_of(const std::filesystem::path& archive, const Site& site,
                                            const std::vector<NightFrame>& frames,
                                            const EstimatorOptions& options) {
-  std::vector<Bracket> clear;
-  for (const ArchiveBracket& entry : read_frames_csv(archive))
-    if (entry.role == FrameRole::clear_reference) clear.push_back(load_bracket(archive, entry, site.camera));
-  for (const NightFrame& frame : frames)
-    if (clear.size() < 4 && frame.mor_m >= kClearMor_m && clear.empty()) {
-      clear.push_back(load_bracket(archive, frame.entry, site.camera));
-      clear.back().reference_mor_m = frame.mor_m;
-    }
-  return learn_reference(clear, site, options);
+  std::vector<ArchiveBracket> entries = read_frames_csv(archive);
+  std::erase_if(entries,
+                [](const ArchiveBracket& entry) { return entry.role != FrameRole::clear_reference; });
+  const auto clear = [](const NightFrame& frame) { return frame.mor_m >= kClearMor_m; };
+  const auto clearest = std::find_if(frames.begin(), frames.end(), clear);
+  if (entries.empty() && clearest != frames.end()) {
+    entries.push_back(clearest->entry);
+    entries.back().role = FrameRole::clear_reference;
+    entries.back().reference_mor_m = clearest->mor_m;
+  }
+  return learn_reference(clear_brackets(archive, std::move(entries), site.camera), site, options);
 }
 
 bool lacks_distance(const Light& light) {

@@ -36,13 +36,12 @@ Site read_site(const ReplayOptions& options) {
   return read_site_file(options.archive / "site.toml");
 }
 
-std::vector<Bracket> load_clear_brackets(const ArchiveSource& source, const ReplayOptions& options,
-                                         const Site& site, const std::stop_token& stop) {
-  std::vector<Bracket> clear;
-  for (const ArchiveBracket& entry : source.brackets())
-    if (entry.role == FrameRole::clear_reference && !stop.stop_requested())
-      clear.push_back(load_bracket(options.archive, entry, site.camera));
-  return clear;
+// None any more once the run is to stop.
+ClearBrackets clear_brackets_until(const std::stop_token& stop, const ArchiveSource& source,
+                                   const ReplayOptions& options, const Site& site) {
+  const ClearBrackets clear = clear_brackets(options.archive, source.brackets(), site.camera);
+  return {clear.count,
+          [clear, stop](std::size_t i) { return stop.stop_requested() ? Bracket{} : clear.load(i); }};
 }
 
 // Every file that the run writes, fed in the order of the frames.
@@ -164,11 +163,11 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
   if (listener.site) listener.site(run.site);
   ArchiveSource source(options.archive, run.site.camera);
   run.frames = source.brackets().size();
-  const std::vector<Bracket> clear = load_clear_brackets(source, options, run.site, stop);
+  const ClearBrackets clear = clear_brackets_until(stop, source, options, run.site);
   run.reference = learn_reference(clear, run.site, options.estimator);
-  if (!clear.empty() && !run.reference)
+  if (clear.count > 0 && !run.reference)
     run.warnings.push_back("no clear reference could be learned: no lamp of the site file shows in the " +
-                           std::to_string(clear.size()) + " clear_reference brackets");
+                           std::to_string(clear.count) + " clear_reference brackets");
 
   Writer writer(options, run.site);
   std::optional<inference::Relearner> relearner;

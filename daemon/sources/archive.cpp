@@ -121,6 +121,16 @@ Bracket load_bracket(const std::filesystem::path& archive, const ArchiveBracket&
   return bracket;
 }
 
+ClearBrackets clear_brackets(const std::filesystem::path& archive, std::vector<ArchiveBracket> brackets,
+                             const Camera& camera) {
+  std::erase_if(brackets,
+                [](const ArchiveBracket& entry) { return entry.role != FrameRole::clear_reference; });
+  const std::size_t count = brackets.size();
+  return {count, [archive, camera, brackets = std::move(brackets)](std::size_t i) {
+            return load_bracket(archive, brackets[i], camera);
+          }};
+}
+
 ArchiveSource::ArchiveSource(std::filesystem::path archive, Camera camera)
     : archive_(std::move(archive)), camera_(std::move(camera)), brackets_(read_frames_csv(archive_)) {}
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "daemon/sources/frame_source.h"
+#include "estimator/learn_reference.h"
 #include "estimator/site.h"
 
 namespace lampglow::daemon {
@@ -33,6 +34,10 @@ std::vector<ArchiveBracket> read_frames_csv(const std::filesystem::path& archive
 
 // Reads a bracket's pictures. One that fails is left out, flagged and told in `fault`.
 Bracket load_bracket(const std::filesystem::path& archive, const ArchiveBracket& entry, const Camera& camera);
+
+// Those of `brackets` that are clear references, read as they are asked for.
+ClearBrackets clear_brackets(const std::filesystem::path& archive, std::vector<ArchiveBracket> brackets,
+                             const Camera& camera);
 
 class ArchiveSource : public FrameSource {
  public:

@@ -1,7 +1,5 @@
 #include "daemon/station/estimating.h"
 
-#include <vector>
-
 #include "daemon/sources/archive.h"
 #include "daemon/sources/fault.h"
 #include "daemon/station/log.h"
@@ -16,11 +14,9 @@ constexpr std::chrono::seconds kLongestEstimate{120};  // longer than this a wor
 
 std::optional<ClearReference> learn_from(const CameraConfig& camera, const EstimatorOptions& options) {
   if (camera.reference_archive.empty()) return std::nullopt;
-  std::vector<Bracket> clear;
-  for (const ArchiveBracket& entry : read_frames_csv(camera.reference_archive))
-    if (entry.role == FrameRole::clear_reference)
-      clear.push_back(load_bracket(camera.reference_archive, entry, camera.site.camera));
-  return learn_reference(clear, camera.site, options);
+  const auto& archive = camera.reference_archive;
+  const Camera& lens = camera.site.camera;
+  return learn_reference(clear_brackets(archive, read_frames_csv(archive), lens), camera.site, options);
 }
 
 FrameResult without_value(const Bracket& bracket, Quality why, std::string reason) {

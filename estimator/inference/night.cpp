@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/inference/modes.h"
 #include "estimator/inference/weather.h"
 
 namespace lampglow::inference {
@@ -16,11 +17,11 @@ bool shows(const photometry::LampSighting& lamp) {
 }
 
 // Flux that the core of lamp j should have in this frame by the fit, in units of its clear core flux.
-double expected_core_ratio(const Scene& scene, const JointFit& fit, size_t j) {
+double expected_core_ratio(const Scene& scene, std::span<const double> parameters, size_t j) {
   const Layout at(scene.lamps().size());
-  const double thickness = std::exp(fit.ln_sigma() + fit.parameters[at.ln_distance(j)]) *
+  const double thickness = std::exp(parameters[Layout::ln_sigma] + parameters[at.ln_distance(j)]) *
                            scene.lamps()[j].distance_m.value_or(1.0);
-  return std::exp(fit.parameters[Layout::ln_gain] - thickness);
+  return std::exp(parameters[Layout::ln_gain] - thickness);
 }
 
 struct Night {
@@ -88,19 +89,22 @@ Night fit_with_outages(const photometry::RegisteredFrame& registered, const Clea
         registered.lamps[j].state == LampState::off || registered.lamps[j].state == LampState::hidden;
     data.lit[j] = !doubtful[j];
   }
+  Modes found;
   for (int round = 0; round < 4; ++round) {
-    night.fit = fit_jointly(scene, halo, data, options.fit);
+    found = find_modes(scene, halo, data, options.fit);
+    const Mode& best = found.modes.front();
     bool changed = false;
     for (size_t j = 0; j < doubtful.size(); ++j) {
       if (!doubtful[j] || data.lit[j]) continue;
       const double clear = reference.catalogue[j].core_flux.value_or(0);
-      const double expected = clear * expected_core_ratio(scene, night.fit, j);
+      const double expected = clear * expected_core_ratio(scene, best.solved.parameters, j);
       if (expected > options.faint_sigma * registered.lamps[j].core_flux_sigma) continue;
       data.lit[j] = 1;
       changed = true;
     }
     if (!changed) break;
   }
+  night.fit = complete(scene, halo, options.fit, std::move(found));
   night.data = std::move(data);
   return night;
 }

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "estimator/observation.h"
+#include "estimator/photometry/median.h"
 
 namespace lampglow::inference {
 namespace {
@@ -15,10 +16,7 @@ constexpr double kUsualFocalLength_px = 1044;
 constexpr double kCoreRadiusPerWidth = 1.9;  // core radius over the lens' full width at half maximum
 
 double median_of(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return values.empty() ? 0 : photometry::median_of(values);
 }
 
 void mask_disc(Image<std::uint8_t>& mask, double x, double y, double radius) {
@@ -30,13 +28,14 @@ void mask_disc(Image<std::uint8_t>& mask, double x, double y, double radius) {
 
 // Lights that shine in the clear reference but are in no catalogue: part of the scene, at unknown distance.
 std::vector<photometry::CatalogueLamp> with_strays(std::span<const photometry::CatalogueLamp> catalogue,
-                                                   const ClearFrame& frame, const ReferenceOptions& options) {
+                                                   const photometry::RegisteredFrame& registered,
+                                                   const ReferenceOptions& options) {
   std::vector<photometry::CatalogueLamp> all(catalogue.begin(), catalogue.end());
   std::vector<double> fluxes;
-  for (const auto& lamp : frame.registered.lamps) fluxes.push_back(lamp.core_flux);
+  for (const auto& lamp : registered.lamps) fluxes.push_back(lamp.core_flux);
   const double least = options.stray_min_part * median_of(fluxes);
   int number = 0;
-  for (const auto& stray : frame.registered.strays) {
+  for (const auto& stray : registered.strays) {
     if (number >= options.max_strays || stray.flux < least || stray.snr < 12) continue;
     photometry::CatalogueLamp lamp;
     lamp.id = "stray-" + std::to_string(++number);
@@ -49,11 +48,11 @@ std::vector<photometry::CatalogueLamp> with_strays(std::span<const photometry::C
 }
 
 // Median width of the unsaturated lamps' own cores.
-double usual_width_px(const ClearFrame& frame) {
+double usual_width_px(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered) {
   std::vector<double> widths;
-  for (const auto& lamp : frame.registered.lamps) {
+  for (const auto& lamp : registered.lamps) {
     if (lamp.state != LampState::seen) continue;
-    const auto light = photometry::measure_light(frame.image, lamp.x_px, lamp.y_px);
+    const auto light = photometry::measure_light(image, lamp.x_px, lamp.y_px);
     if (light.saturated_pixels == 0 && light.fwhm_px > 0) widths.push_back(light.fwhm_px);
   }
   return std::min(median_of(std::move(widths)), 8.0);
@@ -225,30 +224,43 @@ RingData ring_data(const photometry::RadianceImage& image, const photometry::Reg
   return data;
 }
 
-std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> frames, const Site& site,
-                                                    std::span<const photometry::CatalogueLamp> catalogue,
-                                                    const HaloModel& halo, const ReferenceOptions& given) {
+ReferenceLayout lay_out(const photometry::RadianceImage& first, const photometry::RegisteredFrame& registered,
+                        const Site& site, std::span<const photometry::CatalogueLamp> catalogue,
+                        const ReferenceOptions& options) {
+  ReferenceLayout layout;
+  layout.options = options;
+  const photometry::AngularScale scale(site.camera);
+  layout.options.rings.core_radius_px =
+      std::max(options.rings.core_radius_px * scale.focal_length_px / kUsualFocalLength_px,
+               kCoreRadiusPerWidth * usual_width_px(first, registered));
+  layout.catalogue = with_strays(catalogue, registered, options);
+  layout.rings = std::make_shared<const photometry::RingMap>(
+      photometry::make_ring_map(site.camera, centres_of(layout.catalogue), layout.options.rings));
+  return layout;
+}
+
+RingData clear_rings(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
+                     const ReferenceLayout& layout) {
+  return ring_data(image, registered, *layout.rings, {}, {.of_light = layout.options.spread.ring_error});
+}
+
+std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> frames,
+                                                    const ReferenceLayout& layout, const Site& site,
+                                                    const HaloModel& halo) {
   if (frames.empty()) return std::nullopt;
   const bool any_seen = std::any_of(
       frames.front().registered.lamps.begin(), frames.front().registered.lamps.end(),
       [](const auto& lamp) { return lamp.state == LampState::seen || lamp.state == LampState::saturated; });
   if (!any_seen) return std::nullopt;
-  ReferenceOptions options = given;
-  const photometry::AngularScale scale(site.camera);
-  options.rings.core_radius_px =
-      std::max(options.rings.core_radius_px * scale.focal_length_px / kUsualFocalLength_px,
-               kCoreRadiusPerWidth * usual_width_px(frames.front()));
-
+  const ReferenceOptions& options = layout.options;
   ClearReference reference;
-  reference.catalogue = with_strays(catalogue, frames.front(), options);
-  reference.rings = std::make_shared<const photometry::RingMap>(
-      photometry::make_ring_map(site.camera, centres_of(reference.catalogue), options.rings));
+  reference.catalogue = layout.catalogue;
+  reference.rings = layout.rings;
   std::vector<RingData> rings;
   double extinction = 0;
   int known = 0;
   for (const ClearFrame& frame : frames) {
-    rings.push_back(ring_data(frame.image, frame.registered, *reference.rings, {},
-                              {.of_light = options.spread.ring_error}));
+    rings.push_back(frame.rings);
     reference.learned_utc = std::max(reference.learned_utc, frame.time_utc);
     if (frame.mor_m) extinction += kMorTimesExtinction / *frame.mor_m, ++known;
   }
@@ -258,7 +270,7 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
   const double extinction_ln_sigma = known > 0 ? 0.1 : options.clear_mor_ln_sigma;
 
   std::vector<SceneLamp> lamps = scene_lamps(site, reference.catalogue, options);
-  if (frames.front().image.relative) equalise(rings);
+  if (frames.front().relative) equalise(rings);
   const RingData mean = average(rings);
   const LearnedSpread learned =
       learn_spread(site.camera, *reference.rings, lamps, halo, mean, extinction, options.spread);
@@ -273,7 +285,7 @@ std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> 
                                lamps[j].ln_strength_sigma, lamps[j].catalogued});
   }
   reference.frames = static_cast<int>(frames.size());
-  reference.relative = frames.front().image.relative;
+  reference.relative = frames.front().relative;
   reference.core_seen = learned.core_seen;
   reference.sky = median_of(learned.sky);
   reference.chi2_per_ring = learned.chi2_per_ring;

@@ -58,18 +58,33 @@ struct ReferenceOptions {
   double stray_distance_ln_sigma = 1;  // ... and this uncertain
 };
 
-// The photometry of one clear bracket.
+// Which lights and rings a reference is made of: laid out on its first clear bracket.
+struct ReferenceLayout {
+  std::vector<photometry::CatalogueLamp> catalogue;  // with the lights that are in none
+  std::shared_ptr<const photometry::RingMap> rings;
+  ReferenceOptions options;
+};
+
+ReferenceLayout lay_out(const photometry::RadianceImage& first, const photometry::RegisteredFrame& registered,
+                        const Site& site, std::span<const photometry::CatalogueLamp> catalogue,
+                        const ReferenceOptions& options);
+
+// What is left of a clear bracket when its picture is gone.
 struct ClearFrame {
-  photometry::RadianceImage image;
+  RingData rings;
   photometry::RegisteredFrame registered;
+  bool relative = false;
   TimePoint time_utc{};
   std::optional<double> mor_m;
 };
 
-// Empty if no frame shows a lamp of the catalogue.
-std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> frames, const Site& site,
-                                                    std::span<const photometry::CatalogueLamp> catalogue,
-                                                    const HaloModel& halo, const ReferenceOptions& options);
+RingData clear_rings(const photometry::RadianceImage& image, const photometry::RegisteredFrame& registered,
+                     const ReferenceLayout& layout);
+
+// Empty if the first frame shows no lamp of the catalogue.
+std::optional<ClearReference> learn_clear_reference(std::span<const ClearFrame> frames,
+                                                    const ReferenceLayout& layout, const Site& site,
+                                                    const HaloModel& halo);
 
 // The rings of a frame as data for a fit: sigma holds noise and model error. `foreign` lights' surroundings
 // are left out.

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "estimator/photometry/lamps.h"
+#include "estimator/photometry/median.h"
 
 namespace lampglow::photometry {
 namespace {
@@ -12,12 +13,6 @@ struct Cell {
   float sigma = 0;
   bool known = false;
 };
-
-float median_of(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Median and scatter, clipped twice at 3 sigma; enough pixels must be usable.
 Cell clipped_median(std::vector<float>& values, size_t least) {

@@ -5,6 +5,8 @@
 #include <limits>
 #include <numbers>
 
+#include "estimator/photometry/median.h"
+
 namespace lampglow::photometry {
 namespace {
 
@@ -235,12 +237,6 @@ void gather_inner(const FrameView& frame, const RingMap& map, const Motion& moti
         }
       }
   }
-}
-
-double median_of(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 RingMean mean_of(const std::vector<Sample>& samples) {

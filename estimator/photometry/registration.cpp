@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "estimator/photometry/median.h"
+
 namespace lampglow::photometry {
 namespace {
 
@@ -24,12 +26,6 @@ struct Match {
   size_t lamp;
   double x, y, sigma;
 };
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // How well a transform brings the catalogue onto the lights: each lamp gives up to 1, less the farther its
 // nearest light, and the prior takes off what an unusual shift is worth.

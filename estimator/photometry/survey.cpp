@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "estimator/photometry/lamps.h"
+#include "estimator/photometry/median.h"
 
 namespace lampglow::photometry {
 namespace {
@@ -11,12 +12,6 @@ namespace {
 struct Shift {
   double x = 0, y = 0;
 };
-
-double median_of(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 constexpr double kMaxShiftPx = 15;
 constexpr double kSamePlacePx = 2;

@@ -5,7 +5,7 @@
 
 #include <random>
 
-#include "estimator/estimate.h"
+#include "estimator/learn_reference.h"
 #include "tests/estimator/photometry/scene.h"
 
 namespace lampglow {
@@ -22,6 +22,10 @@ struct Street {
   double right_px = 0;  // the camera's turn
 };
 
+ClearBrackets given(const std::vector<Bracket>& clear) {
+  return {clear.size(), [&clear](std::size_t i) { return clear[i]; }};
+}
+
 class Flags : public ::testing::Test {
  protected:
   Flags() {
@@ -36,7 +40,7 @@ class Flags : public ::testing::Test {
       distance_m *= 2;
     }
     const std::vector<Bracket> clear{take(Street()), take(Street())};
-    reference_ = learn_reference(clear, site_, options_);
+    reference_ = learn_reference(given(clear), site_, options_);
     EXPECT_TRUE(reference_);
   }
 
@@ -175,7 +179,7 @@ TEST_F(Flags, HotPixelsAreKnownFromTheClearBrackets) {
     return bracket;
   };
   const std::vector<Bracket> clear{with_hot(3e4), with_hot(3e4)};
-  const auto reference = learn_reference(clear, site_, options_);
+  const auto reference = learn_reference(given(clear), site_, options_);
   ASSERT_TRUE(reference);
   EXPECT_EQ(reference->hot_pixels, (std::vector<photometry::PixelIndex>{{17, 140}}));
   EXPECT_TRUE(reference_->hot_pixels.empty());

@@ -72,18 +72,14 @@ double Estimated::fit_cpu_s() const {
 Night::Night(const std::filesystem::path& archive, int rings)
     : archive_(archive), site_(daemon::read_site_file(archive / "site.toml")) {
   options_.reference.rings.rings = rings;
-  std::vector<Bracket> clear;
-  for (const daemon::ArchiveBracket& entry : daemon::read_frames_csv(archive)) {
-    if (entry.role == FrameRole::clear_reference)
-      clear.push_back(load(entry));
-    else
-      observations_.push_back(entry);
-  }
+  const std::vector<daemon::ArchiveBracket> entries = daemon::read_frames_csv(archive);
+  for (const daemon::ArchiveBracket& entry : entries)
+    if (entry.role != FrameRole::clear_reference) observations_.push_back(entry);
   std::map<TimePoint, double> truth;
   for (const daemon::Truth& row : daemon::read_truth(archive / "truth.csv"))
     truth[row.time_utc] = row.mor_m.value();
   for (const daemon::ArchiveBracket& entry : observations_) mor_m_.push_back(truth.at(entry.time_utc));
-  reference_ = learn_reference(clear, site_, options_);
+  reference_ = learn_reference(daemon::clear_brackets(archive, entries, site_.camera), site_, options_);
   if (!reference_) throw std::runtime_error(archive.string() + ": no clear reference");
 }
 

@@ -35,7 +35,8 @@ TEST(Combine, ByDayTheContrastByNightTheGlow) {
 TEST(Combine, NoStepFromNightToDay) {
   const Observation glow = value(Method::glow, 500, 0.1), contrast = value(Method::contrast, 700, 0.15);
   double last = 500;
-  for (double altitude = -10; altitude <= 10; altitude += 0.1) {
+  for (int i = 0; i <= 200; ++i) {
+    const double altitude = -10 + 0.1 * i;
     const Observation o = combine(glow, contrast, altitude);
     EXPECT_LT(std::abs(std::log(*o.mor_m() / last)), 0.02) << altitude;
     EXPECT_LE(*o.mor_low_m(), *o.mor_m());

@@ -17,7 +17,9 @@ struct Mode {
 
 std::vector<PosteriorPoint> posterior(const std::vector<Mode>& modes) {
   std::vector<PosteriorPoint> points;
-  for (double ln_mor = std::log(3e5); ln_mor > std::log(20.0); ln_mor -= 0.02) {
+  constexpr int kPoints = 481;  // from 300 km to 20 m
+  for (int i = 0; i < kPoints; ++i) {
+    const double ln_mor = std::log(3e5) - 0.02 * i;
     PosteriorPoint point;
     point.ln_sigma = std::log(kMorTimesExtinction) - ln_mor;
     point.minus_ln_probability = 1e9;

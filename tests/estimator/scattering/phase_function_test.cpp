@@ -48,7 +48,10 @@ TEST_P(PhaseFunction, SeriesIsTheClosedForm) {
 
 TEST_P(PhaseFunction, SamplerInvertsTheCumulative) {
   const HenyeyGreenstein phase(GetParam());
-  for (double u = 0.0005; u < 1; u += 0.01) EXPECT_NEAR(phase.cumulative(phase.sample(u)), u, 1e-9);
+  for (int i = 0; i < 100; ++i) {
+    const double u = 0.0005 + 0.01 * i;
+    EXPECT_NEAR(phase.cumulative(phase.sample(u)), u, 1e-9);
+  }
   EXPECT_NEAR(phase.cumulative(-1), 0, 1e-12);
   EXPECT_NEAR(phase.cumulative(1), 1, 1e-12);
 }

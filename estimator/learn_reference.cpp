@@ -1,0 +1,75 @@
+#include "estimator/learn_reference.h"
+
+#include <utility>
+#include <vector>
+
+#include "estimator/inference/sun.h"
+#include "estimator/photometry/targets.h"
+
+namespace lampglow {
+namespace {
+
+// Lamps are no yardstick in daylight where there are targets.
+bool for_targets(TimePoint time_utc, const Site& site, const EstimatorOptions& options) {
+  if (!site.latitude_deg || !site.longitude_deg || site.targets.empty()) return false;
+  const auto sun = inference::sun_position(time_utc, *site.latitude_deg, *site.longitude_deg);
+  return sun.altitude_deg > options.combine.glow_full_deg;
+}
+
+// What a first look at all brackets gives: where the lamps are, and where the sky ends.
+struct FirstLook {
+  std::vector<std::size_t> usable;  // brackets that count for lamps
+  std::vector<photometry::CatalogueLamp> catalogue;
+  std::vector<int> skyline_px;  // from the daylight brackets; empty without any
+};
+
+FirstLook look(const ClearBrackets& clear, const Site& site, const EstimatorOptions& options) {
+  FirstLook first;
+  const std::vector<photometry::CatalogueLamp> given = photometry::catalogue_of(site);
+  std::vector<photometry::RegisteredFrame> registered;
+  std::vector<photometry::RadianceImage> daylight;
+  for (std::size_t i = 0; i < clear.count; ++i) {
+    const Bracket bracket = clear.load(i);
+    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (image.empty()) continue;
+    if (for_targets(bracket.time_utc, site, options)) {
+      daylight.push_back(std::move(image));
+      continue;
+    }
+    registered.push_back(photometry::register_frame(image, given, options.registration));
+    first.usable.push_back(i);
+  }
+  first.catalogue =
+      photometry::refine_catalogue(given, registered, site.camera.width_px, site.camera.height_px);
+  if (!daylight.empty()) first.skyline_px = photometry::survey_day(daylight).skyline_px;
+  return first;
+}
+
+}  // namespace
+
+std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const Site& site,
+                                              const EstimatorOptions& options) {
+  if (site.lights.empty()) return std::nullopt;
+  const FirstLook first = look(clear, site, options);
+  inference::ReferenceOptions reference_options = options.reference;
+  reference_options.rings.skyline_px = first.skyline_px;
+  std::optional<inference::ReferenceLayout> layout;
+  std::vector<inference::ClearFrame> frames;
+  photometry::HotPixelLearner hot;
+  for (const std::size_t i : first.usable) {
+    const Bracket bracket = clear.load(i);
+    const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    auto registered = photometry::register_frame(image, first.catalogue, options.registration);
+    if (!layout) layout = inference::lay_out(image, registered, site, first.catalogue, reference_options);
+    frames.push_back({inference::clear_rings(image, registered, *layout), std::move(registered),
+                      image.relative, bracket.time_utc, bracket.reference_mor_m});
+    hot.add(image.hot_pixels);
+  }
+  if (!layout) return std::nullopt;
+  auto reference =
+      inference::learn_clear_reference(frames, *layout, site, *inference::halo_model(options.model));
+  if (reference) reference->hot_pixels = hot.map();
+  return reference;
+}
+
+}  // namespace lampglow

@@ -1,0 +1,27 @@
+// From clear brackets to the yardstick of every later frame.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <optional>
+
+#include "estimator/estimate.h"
+#include "estimator/inference/reference.h"
+#include "estimator/photometry/exposure.h"
+#include "estimator/site.h"
+
+namespace lampglow {
+
+// Each is read when it is needed, twice in all, and let go again: the pictures of a night don't fit into a
+// small machine's memory.
+struct ClearBrackets {
+  std::size_t count = 0;
+  std::function<Bracket(std::size_t)> load;  // of 0 to count - 1
+};
+
+// The clear reference from one or several clear brackets; empty if none of them shows a lamp of the
+// catalogue.
+std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const Site& site,
+                                              const EstimatorOptions& options);
+
+}  // namespace lampglow
