@@ -5,6 +5,7 @@ install(FILES systemd/lampglow.sysusers RENAME lampglow.conf DESTINATION lib/sys
 install(FILES systemd/lampglow.tmpfiles RENAME lampglow.conf DESTINATION lib/tmpfiles.d)
 install(FILES systemd/lampglow.toml DESTINATION /etc/lampglow)
 install(FILES systemd/lampglow.toml DESTINATION share/doc/lampglow/examples)
+install(DIRECTORY docs/ DESTINATION share/doc/lampglow FILES_MATCHING PATTERN "*.md" PATTERN images EXCLUDE)
 install(FILES systemd/debian/copyright DESTINATION share/doc/lampglow)
 execute_process(COMMAND gzip -9nc "${CMAKE_SOURCE_DIR}/systemd/debian/changelog"
   OUTPUT_FILE "${CMAKE_BINARY_DIR}/changelog.gz" COMMAND_ERROR_IS_FATAL ANY)

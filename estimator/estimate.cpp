@@ -86,6 +86,7 @@ void estimate_night(const Bracket& bracket, const photometry::RadianceImage& ima
   result.rotation_rad = registered.rotation_rad;
   if (std::hypot(registered.shift_x_px, registered.shift_y_px) > options.moved_px)
     result.observation.quality.set(Quality::camera_moved);
+  inference::stop_if_given_up(options.night.fit);
   inference::measure_night(image, registered, site, *reference, *inference::halo_model(options.model),
                            options.relative_humidity, options.night, result);
 }
@@ -138,8 +139,10 @@ FrameResult estimate(const Bracket& bracket, const Site& site, const std::option
   result.observation.time_utc = bracket.time_utc;
   result.observation.quality = bracket.quality;
   try {
+    inference::stop_if_given_up(options.night.fit);
     const photometry::RadianceImage image = radiance_of(bracket, site, reference, options);
     result.observation.quality.set(image.quality);
+    inference::stop_if_given_up(options.night.fit);
     const std::optional<inference::SunPosition> sun = sun_at(bracket, site);
     // In daylight lamps are off or drowned; in the dark there is no contrast to see.
     // A dark picture of lamps is believed against the clock where the site has nothing else to go by.

@@ -30,7 +30,8 @@ struct EstimatorOptions {
   double moved_px = 7.5;  // a shift beyond this is no wind shake, which has a σ of 2.5 px: flagged
 };
 
-// Never throws for a bad frame: the result then has flags and a reason, and no value.
+// Never throws for a bad frame: the result then has flags and a reason, and no value. Throws FitStopped soon
+// after options.night.fit.given_up.
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
                      const EstimatorOptions& options);
 

@@ -1,6 +1,7 @@
 #include "storage/maintenance.h"
 
 #include <SQLiteCpp/Backup.h>
+#include <sqlite3.h>
 
 #include <algorithm>
 #include <array>
@@ -29,6 +30,41 @@ std::string stamp(TimePoint time) {
   return text;
 }
 
+void remove_part(const std::filesystem::path& part) {
+  std::error_code ignored;
+  for (const char* suffix : {"", "-wal", "-shm", "-journal"})
+    std::filesystem::remove(part.string() + suffix, ignored);
+}
+
+// Under WAL a reader never stops the writer. One that did not hold its state would begin the copy afresh with
+// every commit.
+void copy_all(const std::filesystem::path& database, const std::filesystem::path& part,
+              const std::stop_token& stop) {
+  constexpr int kPages = 256;
+  SQLite::Database source(database.string(), SQLite::OPEN_READONLY, 5000);
+  SQLite::Transaction held(source);
+  source.execAndGet("SELECT count(*) FROM sqlite_master");  // begins the read
+  SQLite::Database target(part.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  SQLite::Backup copy(target, source);
+  while (!stop.stop_requested() && copy.executeStep(kPages) != SQLITE_DONE) {
+  }
+}
+
+// The check of a large copy takes as long as making it: it looks every so often whether it is to stop.
+void check_copy(const std::filesystem::path& database, const std::filesystem::path& part,
+                const std::stop_token& stop) {
+  constexpr int kInstructions = 10000;
+  SQLite::Database copy(part.string(), SQLite::OPEN_READWRITE);
+  std::stop_token asked = stop;
+  const auto stopped = [](void* token) -> int {
+    return static_cast<std::stop_token*>(token)->stop_requested();
+  };
+  sqlite3_progress_handler(copy.getHandle(), kInstructions, stopped, &asked);
+  copy.exec("PRAGMA journal_mode = DELETE");  // one file, no -wal beside it
+  if (const std::string found = checked(copy, true); found != "ok")
+    throw StorageError(StorageError::Kind::corrupt, database.string() + ": its copy is damaged: " + found);
+}
+
 // The start of the hour so many days ago; empty: for ever.
 std::optional<TimePoint> limit_of(int days, TimePoint now) {
   if (days <= 0) return std::nullopt;
@@ -53,25 +89,26 @@ int apply_retention(Store& store, const Retention& retention, TimePoint now, int
   return dropped;
 }
 
-void backup(const std::filesystem::path& database, const std::filesystem::path& copy) {
+bool backup(const std::filesystem::path& database, const std::filesystem::path& copy,
+            const std::stop_token& stop) {
   const std::filesystem::path part = copy.string() + ".part";
-  guarded(copy.string(), [&] {
-    std::error_code ignored;
-    std::filesystem::remove(part, ignored);
-    std::filesystem::remove(part.string() + "-wal", ignored);
-    std::filesystem::remove(part.string() + "-shm", ignored);
-    SQLite::Database source(database.string(), SQLite::OPEN_READONLY, 5000);
-    SQLite::Database target(part.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    // All at once: under WAL a reader never stops the writer, and a copy in steps would start afresh with
-    // every commit.
-    SQLite::Backup(target, source).executeStep(-1);
-    target.exec("PRAGMA journal_mode = DELETE");  // one file, no -wal beside it
-    if (const std::string found = checked(target, true); found != "ok")
-      throw StorageError(StorageError::Kind::corrupt, database.string() + ": its copy is damaged: " + found);
-  });
+  remove_part(part);
+  try {
+    guarded(copy.string(), [&] {
+      copy_all(database, part, stop);
+      check_copy(database, part, stop);
+    });
+  } catch (const StorageError&) {
+    if (!stop.stop_requested()) throw;
+  }
+  if (stop.stop_requested()) {
+    remove_part(part);
+    return false;
+  }
   std::error_code error;
   std::filesystem::rename(part, copy, error);
   if (error) throw StorageError(StorageError::Kind::io, copy.string() + ": " + error.message());
+  return true;
 }
 
 std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint now) {
@@ -101,6 +138,7 @@ std::string check(const std::filesystem::path& database, bool full) {
 void vacuum(const std::filesystem::path& database) {
   guarded(database.string(), [&] {
     SQLite::Database opened(database.string(), SQLite::OPEN_READWRITE, 5000);
+    migrate(opened);
     opened.exec("VACUUM");
     opened.exec("PRAGMA wal_checkpoint(TRUNCATE)");
   });

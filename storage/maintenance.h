@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <stop_token>
 #include <string>
 
 #include "storage/store.h"
@@ -26,8 +27,10 @@ struct Retention {
 int apply_retention(Store& store, const Retention& retention, TimePoint now, int max_rows = 2000);
 
 // A copy of a database that may be in use: by the backup API to `copy`.part, PRAGMA integrity_check on it,
-// then renamed to `copy`. Throws StorageError; `corrupt` if the copy does not pass.
-void backup(const std::filesystem::path& database, const std::filesystem::path& copy);
+// then renamed to `copy`. Throws StorageError; `corrupt` if the copy does not pass. False: it was told to
+// stop, and there is no copy.
+bool backup(const std::filesystem::path& database, const std::filesystem::path& copy,
+            const std::stop_token& stop = {});
 
 // Renames the database and its -wal and -shm to NAME.corrupt-20261122T010203Z...; nothing is deleted. Returns
 // the new name. Throws StorageError if it cannot be renamed.
@@ -37,7 +40,7 @@ std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint
 // StorageError where it cannot even be opened.
 std::string check(const std::filesystem::path& database, bool full);
 
-// VACUUM: rewrites the file. Needs its size once more on the disk; waits for no writer.
+// VACUUM: rewrites the file, migrated if it is an older one. Needs its size once more on the disk; waits for no writer.
 void vacuum(const std::filesystem::path& database);
 
 }  // namespace lampglow::storage

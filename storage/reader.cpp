@@ -18,7 +18,7 @@ struct Reader::Impl {
     if (version < schema_version())
       throw StorageError(StorageError::Kind::io, file + ": not migrated yet (schema version " +
                                                      std::to_string(version) +
-                                                     "); open it for writing first");
+                                                     "); `lampglow db vacuum` migrates it");
   }
 
   // A statement kept for its next use. The guard resets it, so that no read transaction stays open.

@@ -80,6 +80,12 @@ struct LiveState::Impl {
     return std::max(0.0, std::chrono::duration<double>(age).count());
   }
 
+  // One from far ahead is of a time before the clock was set back, nobody knows how long ago.
+  bool is_stale(const CameraState& camera) const {
+    const auto age = options.now() - camera.latest->observation.time_utc;
+    return std::chrono::abs(age) > options.stale_after;
+  }
+
   LiveOptions options;
   mutable std::mutex mutex;
   std::vector<std::unique_ptr<CameraState>> cameras;
@@ -190,7 +196,7 @@ std::optional<CurrentAnswer> LiveState::current(const std::string& name) const {
   const CameraState* camera = impl_->find(name);
   if (!camera || !camera->latest) return std::nullopt;
   const double age_s = impl_->age_s(*camera);
-  const bool stale = age_s > static_cast<double>(impl_->options.stale_after.count());
+  const bool stale = impl_->is_stale(*camera);
   const FeatureHalves& halves = stale ? camera->stale : camera->fresh;
   CurrentAnswer answer;
   answer.body.reserve(halves.head.size() + halves.tail.size() + 16);
@@ -287,7 +293,7 @@ std::string LiveState::metrics() const {
     if (camera->latest) {
       const Observation& o = camera->latest->observation;
       entry.last_observation_utc = o.time_utc;
-      if (impl_->age_s(*camera) <= static_cast<double>(impl_->options.stale_after.count())) entry.fresh = o;
+      if (!impl_->is_stale(*camera)) entry.fresh = o;
     }
     input.cameras.push_back(std::move(entry));
   }

@@ -55,7 +55,7 @@ void add_db(CLI::App& program) {
                           "backup /var/lib/lampglow/lampglow.db /mnt/usb/lampglow.db");
   backup->add_option("COPY", *copy, "The file to make")->required();
   backup->callback([file, copy] { backup_database(*file, *copy); });
-  part("vacuum", "Rewrite the file without free space; stop the station first",
+  part("vacuum", "Rewrite the file without free space, in the present schema; stop the station first",
        "vacuum /var/lib/lampglow/lampglow.db")
       ->callback([file] { vacuum_database(*file); });
   command->footer("Example:\n  lampglow db check /var/lib/lampglow/lampglow.db");

@@ -39,13 +39,13 @@ std::vector<const CLI::App*> visible_commands(const CLI::App& program) {
 }
 
 std::string synopsis(const CLI::App& command) {
-  std::string text;
+  std::string text = visible_commands(command).empty() ? "" : " \\fIcommand\\fR";
   for (const CLI::Option* option : command.get_options())
     if (option->get_positional()) text += fmt::format(" \\fI{}\\fR", roff(option->get_name(true, false)));
   return text + " [\\fIoptions\\fR]";
 }
 
-std::string options_section(const CLI::App& command) {
+std::string options_list(const CLI::App& command) {
   std::string text;
   for (const CLI::Option* option : command.get_options()) {
     const std::string name =
@@ -57,15 +57,20 @@ std::string options_section(const CLI::App& command) {
     if (!option->get_default_str().empty()) text += roff(" (default: " + option->get_default_str() + ")");
     text += "\n";
   }
+  return text;
+}
+
+std::string options_section(const CLI::App& command) {
+  const std::string text = options_list(command);
   return text.empty() ? "" : ".SH OPTIONS\n" + text;
 }
 
-// `db` has commands of its own.
+// `db` has commands of its own, with options of their own.
 std::string subcommands_section(const CLI::App& command) {
   std::string text;
   for (const CLI::App* part : visible_commands(command))
-    text += fmt::format(".TP\n\\fB{}\\fR{}\n{}\n", roff(part->get_name()), synopsis(*part),
-                        roff(part->get_description()));
+    text += fmt::format(".TP\n\\fB{}\\fR{}\n{}\n.RS\n{}.RE\n", roff(part->get_name()), synopsis(*part),
+                        roff(part->get_description()), options_list(*part));
   return text.empty() ? "" : ".SH COMMANDS\n" + text;
 }
 
@@ -83,6 +88,16 @@ std::string exit_section() {
          "configuration or site file\n";
 }
 
+std::string files_section() {
+  return ".SH FILES\n.TP\n/etc/lampglow/lampglow.toml\nthe station's configuration; every key is explained "
+         "in "
+         "/usr/share/doc/lampglow/configuration.md\n.TP\n/var/lib/lampglow\ndatabase, kept pictures, "
+         "backups\n"
+         ".TP\n/usr/share/doc/lampglow\nwhat the station does when, the HTTP interface, how to mount and "
+         "calibrate "
+         "a camera\n";
+}
+
 std::string program_page(const CLI::App& program) {
   std::string text = ".TH LAMPGLOW 1 \"\" \"lampglow " LAMPGLOW_VERSION "\"\n.SH NAME\nlampglow \\- " +
                      roff("visibility from the glow of street lights") +
@@ -91,7 +106,7 @@ std::string program_page(const CLI::App& program) {
   for (const CLI::App* command : visible_commands(program))
     text += fmt::format(".TP\n\\fB{}\\fR\n{}; see \\fBlampglow\\-{}\\fR(1)\n", roff(command->get_name()),
                         roff(command->get_description()), roff(command->get_name()));
-  return text + exit_section();
+  return text + options_section(program) + exit_section() + files_section();
 }
 
 std::string command_page(const CLI::App& command) {
@@ -120,25 +135,48 @@ std::string names_of(const CLI::App& program) {
   return names;
 }
 
-// The first word is a command; after it come its options, its own commands (`db check`) and files.
+// The words that an option takes, of its type's name "TEXT:{csv,json}"; empty if it takes others.
+std::string choices_of(const CLI::Option& option) {
+  const std::string type = option.get_type_name();
+  const std::size_t begin = type.find('{'), end = type.find('}');
+  if (begin == std::string::npos || end == std::string::npos) return "";
+  std::string words = type.substr(begin + 1, end - begin - 1);
+  std::replace(words.begin(), words.end(), ',', ' ');
+  return words;
+}
+
+// What may follow the command's words, and what an option's value may be.
+std::string completion_cases(const CLI::App& command, const std::string& words) {
+  std::string text;
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& name : option->get_lnames())
+      if (const std::string choices = choices_of(*option); !choices.empty())
+        text += fmt::format("    \"{} \"*\"--{} \") values=\"{}\" ;;&\n", words, name, choices);
+  for (const CLI::App* part : visible_commands(command))
+    text += completion_cases(*part, words + " " + part->get_name());
+  return text + fmt::format("    \"{} \"*) options=\"{}\" names=\"{}\" ;;\n", words, long_options(command),
+                            names_of(command));
+}
+
+// $line: the words before the current one. The first is a command; after it come its own commands
+// (`db check`), options and files. Where an option takes but a few words, these.
 std::string bash_completion(const CLI::App& program) {
   std::string cases;
   for (const CLI::App* command : visible_commands(program))
-    cases += fmt::format("    {}) options=\"{}\" names=\"{}\" ;;\n", command->get_name(),
-                         long_options(*command), names_of(*command));
+    cases += completion_cases(*command, command->get_name());
   return "# bash completion of lampglow; made by `lampglow man --completion`\n_lampglow() {\n"
-         "  local current=\"${COMP_WORDS[COMP_CWORD]}\" options=\"--help\" names=\"\"\n"
-         "  case \"${COMP_WORDS[1]}\" in\n" +
-         cases +
+         "  local current=\"${COMP_WORDS[COMP_CWORD]}\" options=\"\" names=\"\" values=\"\"\n"
+         "  local line=\"${COMP_WORDS[*]:1:COMP_CWORD-1}\"\n"
+         "  case \"$line \" in\n"
+         "    \" \") options=\"--help\" names=\"" +
+         names_of(program) + "\" ;;\n" + cases +
          "  esac\n"
-         "  [ \"$COMP_CWORD\" -gt 1 ] || options=\"--help\" names=\"" +
-         names_of(program) +
-         "\"\n"
          "  case \"$current\" in\n"
          "    -*) COMPREPLY=($(compgen -W \"$options\" -- \"$current\")) ;;\n"
          "    *)\n"
-         "      COMPREPLY=($(compgen -W \"$names\" -- \"$current\"))\n"
-         "      [ \"$COMP_CWORD\" -eq 1 ] || COMPREPLY+=($(compgen -f -- \"$current\")) ;;\n"
+         "      COMPREPLY=($(compgen -W \"${values:-$names}\" -- \"$current\"))\n"
+         "      [ \"$COMP_CWORD\" -eq 1 ] || [ -n \"$values\" ] || COMPREPLY+=($(compgen -f -- "
+         "\"$current\")) ;;\n"
          "  esac\n}\n"
          "complete -o filenames -F _lampglow lampglow\n";
 }

@@ -14,7 +14,8 @@ void add_serve(CLI::App& program) {
   command->add_option("--config", *file, "The configuration")->type_name("FILE")->capture_default_str();
   command->footer(
       "Example:\n  lampglow serve --config /etc/lampglow/lampglow.toml\n\n"
-      "SIGHUP reads the configuration again, SIGTERM ends. docs/station.md tells the rest.");
+      "SIGHUP reads the configuration again, SIGTERM ends. /usr/share/doc/lampglow/station.md tells the "
+      "rest.");
   command->callback([file] { serve(*file); });
 }
 

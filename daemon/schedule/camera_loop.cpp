@@ -1,6 +1,7 @@
 #include "daemon/schedule/camera_loop.h"
 
 #include <fmt/format.h>
+#include <pthread.h>
 
 #include <cmath>
 #include <condition_variable>
@@ -110,6 +111,7 @@ std::optional<TimePoint> CameraLoop::Worker::due_after(TimePoint time) const {
 }
 
 void CameraLoop::Worker::run(std::stop_token stop) {
+  pthread_setname_np(pthread_self(), ("cam " + options_.id).substr(0, 15).c_str());  // for `top -H`
   reference_utc_ = clock_.utc();
   reference_monotonic_ = clock_.monotonic();
   TimePoint from = reference_utc_;

@@ -30,13 +30,19 @@ void Backups::tick(TimePoint utc) {
   name.erase(std::remove(name.begin(), name.end(), '-'), name.end());
   const std::filesystem::path copy = folder_ / ("lampglow-" + name + ".db");
   if (std::filesystem::exists(copy)) return;
-  thread_ = std::jthread([this, copy, keep = keep_] { make(copy, keep); });  // the last one has long ended
+  thread_ = std::jthread([this, copy, keep = keep_](const std::stop_token& stop) {
+    make(copy, keep, stop);
+  });  // the last one has long ended
 }
 
-void Backups::make(const std::filesystem::path& copy, int keep) const {
+void Backups::stop() {
+  thread_ = {};
+}
+
+void Backups::make(const std::filesystem::path& copy, int keep, const std::stop_token& stop) const {
   try {
     std::filesystem::create_directories(folder_);
-    storage::backup(database_, copy);
+    if (!storage::backup(database_, copy, stop)) return;
     std::vector<std::filesystem::path> all;
     for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
       const std::string name = entry.path().filename().string();

@@ -19,9 +19,11 @@ class Backups {
   // Starts a backup if the hour has come and today's is not there yet.
   void tick(TimePoint utc);
   void set(int keep, int hour_utc);
+  // Breaks off a backup that is being made, within a moment; nothing of it is left, and nothing is told.
+  void stop();
 
  private:
-  void make(const std::filesystem::path& copy, int keep) const;
+  void make(const std::filesystem::path& copy, int keep, const std::stop_token& stop) const;
 
   std::filesystem::path database_, folder_;
   int keep_, hour_utc_;

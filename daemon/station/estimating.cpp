@@ -1,6 +1,7 @@
 #include "daemon/station/estimating.h"
 
 #include "daemon/sources/archive.h"
+#include "daemon/sources/fault.h"
 #include "daemon/station/log.h"
 
 namespace lampglow::daemon {
@@ -18,19 +19,30 @@ std::optional<ClearReference> learn_from(const CameraConfig& camera, const Estim
   return learn_reference(clear_brackets(archive, read_frames_csv(archive), lens), camera.site, options);
 }
 
-FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup) {
+FrameResult without_value(const Bracket& bracket, Quality why, std::string reason) {
+  FrameResult result;
+  result.observation.time_utc = bracket.time_utc;
+  result.observation.quality = bracket.quality;
+  result.observation.quality.set(why);
+  result.reason = std::move(reason);
+  return result;
+}
+
+FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup,
+                            const std::stop_token& give_up) {
   try {
-    FrameResult result = estimate(bracket, setup.site, setup.reference, setup.estimator);
+    EstimatorOptions options = setup.estimator;
+    options.night.fit.given_up = [&give_up] { return give_up.stop_requested(); };
+    FrameResult result = estimate(bracket, setup.site, setup.reference, options);
     if (!result.observation.extinction_per_m && !bracket.fault.empty()) result.reason = bracket.fault;
     return result;
+  } catch (const inference::FitStopped&) {
+    return without_value(bracket, fault_info(Fault::stopped).quality.value(),
+                         "stopped: the station ended before this frame was measured");
   } catch (const std::exception& error) {
     log(LogLevel::error, "the estimator failed", {{"camera", setup.name}, {"reason", error.what()}});
-    FrameResult failed;
-    failed.observation.time_utc = bracket.time_utc;
-    failed.observation.quality = bracket.quality;
-    failed.observation.quality.set(Quality::internal_error);
-    failed.reason = std::string("the estimator failed: ") + error.what();
-    return failed;
+    return without_value(bracket, Quality::internal_error,
+                         std::string("the estimator failed: ") + error.what());
   }
 }
 
@@ -62,10 +74,11 @@ std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera) {
   return setup;
 }
 
-Done estimate_job(const Job& job, int jpeg_quality) {
+Done estimate_job(const Job& job, int jpeg_quality, const std::stop_token& give_up) {
   const auto begin = steady_clock::now();
-  Done done{job.setup, estimate_safely(job.bracket, *job.setup), {}, 0};
+  Done done{job.setup, estimate_safely(job.bracket, *job.setup, give_up), {}, 0};
   done.duration_s = std::chrono::duration<double>(steady_clock::now() - begin).count();
+  if (give_up.stop_requested()) return done;
   done.pictures = render_pictures(job.bracket, job.setup->site, done.result, jpeg_quality);
   return done;
 }

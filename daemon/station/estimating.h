@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <stop_token>
 #include <string>
 
 #include "daemon/station/config.h"
@@ -61,7 +62,8 @@ class WorkWatch {
 // From the camera's reference archive; none without one. Throws what reading it throws.
 std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera);
 
-// Never throws for what the estimator does: a failure is a result without a value that says why.
-Done estimate_job(const Job& job, int jpeg_quality);
+// Never throws for what the estimator does: a failure is a result without a value that says why, and so is a
+// frame that was given up because `give_up` asked for it. That one has no pictures.
+Done estimate_job(const Job& job, int jpeg_quality, const std::stop_token& give_up);
 
 }  // namespace lampglow::daemon

@@ -42,7 +42,13 @@ void Keeper::report(EventKind kind, Severity severity, const std::string& messag
       : severity == Severity::warning ? LogLevel::warning
                                       : LogLevel::error,
       message, {{"event", std::string(to_string(kind))}});
-  events_.push_back({0, utc_, kind, severity, "", message});
+  add_event({0, utc_, kind, severity, "", message});
+}
+
+// A disk that fails for weeks must not fill the memory with what happened in them.
+void Keeper::add_event(Event event) {
+  events_.push_back(std::move(event));
+  if (events_.size() > kMostWaiting) events_.pop_front();
 }
 
 bool Keeper::file_is_ours() const {
@@ -175,7 +181,7 @@ void Keeper::put(const std::string& camera, FrameResult result) {
 }
 
 void Keeper::put_event(Event event) {
-  events_.push_back(std::move(event));
+  add_event(std::move(event));
   if (fault_.empty()) drain();
 }
 
@@ -186,7 +192,7 @@ void Keeper::put_reference(const std::string& camera, const storage::ReferenceRe
 }
 
 void Keeper::put_picture(const std::string& camera, const storage::PictureRecord& picture) {
-  attempt([&](Store& store) { store.put_picture(numbers_[camera], picture); });
+  attempt([&](Store& store) { store.put_picture(number_of(store, camera), picture); });
 }
 
 void Keeper::erase_picture(const storage::PictureRecord& picture) {

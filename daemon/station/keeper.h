@@ -35,7 +35,7 @@ class Keeper {
 
   // Stores the result, or keeps it in memory until the disk takes it again (the last kMostWaiting).
   void put(const std::string& camera, FrameResult result);
-  void put_event(storage::Event event);
+  void put_event(storage::Event event);  // the last kMostWaiting wait, too
   // The camera's reference from now on. A fresh database gets it, too.
   void put_reference(const std::string& camera, const storage::ReferenceRecord& reference);
   void put_picture(const std::string& camera, const storage::PictureRecord& picture);
@@ -64,6 +64,7 @@ class Keeper {
   // Runs `work` on the open store; what goes wrong is dealt with. False: it was not done.
   bool attempt(const std::function<void(storage::Store&)>& work);
   void failed(const storage::StorageError& error);
+  void add_event(storage::Event event);
   void report(storage::EventKind kind, storage::Severity severity, const std::string& message);
   bool file_is_ours() const;
 

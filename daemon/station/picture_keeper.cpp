@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <set>
+#include <utility>
 
 #include "daemon/config/files.h"
 #include "daemon/errors.h"
@@ -9,6 +10,8 @@
 
 namespace lampglow::daemon {
 namespace {
+
+constexpr std::chrono::hours kLongestGap{1};
 
 std::int64_t hour_of(TimePoint time) {
   return std::chrono::floor<std::chrono::hours>(time).time_since_epoch().count();
@@ -19,6 +22,7 @@ std::int64_t hour_of(TimePoint time) {
 FogWatch::Change FogWatch::note(const Observation& observation) {
   const auto mor_m = observation.mor_m();
   if (!mor_m) return Change::none;
+  if (observation.time_utc - std::exchange(latest_, observation.time_utc) > kLongestGap) in_fog_ = false;
   if (!in_fog_ && *mor_m < 1000 && observation.limit != Limit::above) {
     in_fog_ = true;
     return Change::began;

@@ -12,7 +12,8 @@
 
 namespace lampglow::daemon {
 
-// MOR below 1000 m begins fog, above 1200 m ends it.
+// MOR below 1000 m begins fog, above 1200 m ends it. Nobody knows of a fog that nothing was seen of for an
+// hour whether it is the same: what is seen then is an onset.
 class FogWatch {
  public:
   enum class Change { none, began, ended };
@@ -21,6 +22,7 @@ class FogWatch {
 
  private:
   bool in_fog_ = false;
+  TimePoint latest_{};  // with a value
 };
 
 class PictureKeeper {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <malloc.h>
+#include <pthread.h>
 
 #include <atomic>
 #include <map>
@@ -58,6 +59,12 @@ std::size_t worker_count(const StationConfig& config) {
   return config.workers ? config.workers : std::max(1U, std::thread::hardware_concurrency());
 }
 
+// A camera that could take pictures, but is not in the station yet.
+struct Opened {
+  std::shared_ptr<const CameraSetup> setup;
+  std::unique_ptr<Feed> feed;
+};
+
 }  // namespace
 
 struct Station::Impl {
@@ -65,12 +72,14 @@ struct Station::Impl {
 
   void start();
   void stop();
-  void work(std::stop_token stop);
+  void work();
+  void bound_drain();
   void write();
   void take(Done done);
   void note_fog(const Done& done);
   void tell(Event event);  // from any thread: stored, logged, streamed
-  void open_camera(const CameraConfig& camera);
+  Opened open_camera(const CameraConfig& camera);
+  void install_camera(const CameraConfig& camera, Opened opened);
   void put_in_force(const std::shared_ptr<const CameraSetup>& setup);
   void adopt(const std::shared_ptr<const CameraSetup>& fresh);
   void take_over(const Taught& taught);
@@ -99,6 +108,7 @@ struct Station::Impl {
   web::LiveState live;
   BoundedQueue<Job> jobs;
   BoundedQueue<std::function<void()>> writes{64};
+  std::atomic<int> jpeg_quality;
   WorkWatch watch;
   std::mutex setups_mutex;
   std::map<std::string, std::shared_ptr<const CameraSetup>> setups;
@@ -112,6 +122,7 @@ struct Station::Impl {
   Backups backups;
   std::atomic<steady_clock::rep> writer_moved{0};
   std::atomic<bool> stopped{false};
+  std::stop_source give_up;  // frames that are not measured yet are not going to be
   std::unique_ptr<web::Server> server;
   std::binary_semaphore worked{0};  // the workers have come to their end
   std::jthread workers;
@@ -122,6 +133,7 @@ Station::Impl::Impl(const StationConfig& given)
     : config(given),
       live(live_options(given)),
       jobs(worker_count(given)),
+      jpeg_quality(given.pictures.jpeg_quality),
       pictures(given.picture_directory(), given.pictures),
       keeper(given.database(), given.retention, given.checkpoint_every,
              {[this](const Event& event) { live.publish_event(event); },
@@ -134,7 +146,7 @@ Station::Impl::Impl(const StationConfig& given)
                 tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
                       good ? Severity::info : Severity::error, "", message});
               }) {
-  for (const CameraConfig& camera : config.cameras) open_camera(camera);
+  for (const CameraConfig& camera : config.cameras) install_camera(camera, open_camera(camera));
   for (const CameraConfig& camera : config.cameras) restore(camera.name);
   std::vector<storage::PictureRecord> kept;
   try {
@@ -146,17 +158,22 @@ Station::Impl::Impl(const StationConfig& given)
   server = std::make_unique<web::Server>(config.http, live, api_options(config));
 }
 
-void Station::Impl::open_camera(const CameraConfig& camera) {
+// All that can go wrong with a camera's configuration does so here, where nothing has changed yet.
+Opened Station::Impl::open_camera(const CameraConfig& camera) {
+  return {set_up(camera), make_feed(camera, clock,
+                                    {[this, name = camera.name](Bracket bracket) {
+                                       if (auto known = setup_of(name))
+                                         jobs.push({std::move(known), std::move(bracket)});
+                                     },
+                                     [this](const CameraEvent& event) { on_camera_event(event); }})};
+}
+
+void Station::Impl::install_camera(const CameraConfig& camera, Opened opened) {
   live.set_camera(camera.name, camera.site);
   by_writer([this, name = camera.name, site = camera.site] { keeper.add_camera(name, site); });
-  adopt(set_up(camera));
-  auto feed = make_feed(camera, clock,
-                        {[this, name = camera.name](Bracket bracket) {
-                           if (auto known = setup_of(name)) jobs.push({std::move(known), std::move(bracket)});
-                         },
-                         [this](const CameraEvent& event) { on_camera_event(event); }});
+  adopt(opened.setup);
   const std::scoped_lock lock(feeds_mutex);
-  feeds[camera.name] = std::move(feed);
+  feeds[camera.name] = std::move(opened.feed);
 }
 
 void Station::Impl::put_in_force(const std::shared_ptr<const CameraSetup>& setup) {
@@ -200,6 +217,7 @@ void Station::Impl::restore(const std::string& name) {
         for (const storage::LampFitRow& fit : reader.fits(camera->number, last))
           result.lamps.push_back(fit.fit);
       live.restore(name, result);
+      fog[name].note(row.observation);  // so that the same fog has no second onset
     }
   } catch (const storage::StorageError& error) {
     log(LogLevel::warning, "the last observations could not be read back", {{"reason", error.what()}});
@@ -224,23 +242,23 @@ void Station::Impl::on_camera_event(const CameraEvent& event) {
   tell({0, event.time_utc, kind, recovered ? Severity::info : Severity::warning, event.camera, message});
 }
 
-void Station::Impl::work(std::stop_token stop) {
+void Station::Impl::work() {
   OrderedPool<Job, Done> pool(
-      [this](const std::stop_token& stopping) -> std::optional<Job> {
-        while (!stopping.stop_requested() && !jobs.drained())
-          if (auto job = jobs.pop(stopping, seconds(1))) return job;
+      [this](const std::stop_token&) -> std::optional<Job> {
+        while (!jobs.drained())
+          if (auto job = jobs.pop({}, seconds(1))) return job;
         return std::nullopt;
       },
       [this](Job&& job) {
         const WorkWatch::Running running(watch);
-        return estimate_job(job, config.pictures.jpeg_quality);
+        return estimate_job(job, jpeg_quality, give_up.get_token());
       },
       [this](Done&& done) {
         auto shared = std::make_shared<Done>(std::move(done));
         writes.push([this, shared] { take(std::move(*shared)); });
       },
       {worker_count(config), worker_count(config)});
-  pool.run(stop);
+  pool.run({});
 }
 
 void Station::Impl::note_fog(const Done& done) {
@@ -274,6 +292,7 @@ void Station::Impl::take(Done done) {
 }
 
 void Station::Impl::write() {
+  pthread_setname_np(pthread_self(), "writer");  // for `top -H`
   while (!writes.drained()) {
     writer_moved = steady_clock::now().time_since_epoch().count();
     if (auto write = writes.pop({}, milliseconds(500))) {
@@ -285,6 +304,7 @@ void Station::Impl::write() {
     for (const Taught& taught : teacher.tick(utc_time())) take_over(taught);
     backups.tick(utc_time());
   }
+  backups.stop();  // a copy that is being made would hold up the last checkpoint
   keeper.close();
 }
 
@@ -292,8 +312,8 @@ void Station::Impl::start() {
   server->start();
   writer_moved = steady_clock::now().time_since_epoch().count();
   writer = std::jthread([this] { write(); });
-  workers = std::jthread([this](const std::stop_token& stop) {
-    work(stop);
+  workers = std::jthread([this] {
+    work();
     worked.release();
   });
   const std::scoped_lock lock(feeds_mutex);
@@ -305,18 +325,24 @@ void Station::Impl::start() {
        {"database", config.database().string()}});
 }
 
-// Sources first; what they gave is estimated and stored, for kLongestDrain at most; the server goes last.
+// After kLongestDrain what is not measured yet is given up, and stored as that.
+void Station::Impl::bound_drain() {
+  if (worked.try_acquire_for(kLongestDrain)) return;
+  log(LogLevel::warning, "too slow to end: frames that are not measured yet are stored without a value");
+  give_up.request_stop();
+}
+
+// Sources first; what they gave is estimated and stored; the server goes last.
 void Station::Impl::stop() {
   if (stopped.exchange(true)) return;
   live.set_not_ready("stopping");
   for (const auto& [name, feed] : feeds) feed->request_stop();
-  for (const auto& [name, feed] : feeds) feed->join();  // a frame that waits for a place still gets it
-  jobs.close();
-  if (workers.joinable()) {
-    if (!worked.try_acquire_for(kLongestDrain))
-      log(LogLevel::warning, "too slow to end: frames that still wait are not estimated");
-    workers.request_stop();
-    workers.join();
+  {
+    std::jthread bound;
+    if (workers.joinable()) bound = std::jthread([this] { bound_drain(); });
+    for (const auto& [name, feed] : feeds) feed->join();  // a frame that waits for a place still gets it
+    jobs.close();
+    if (workers.joinable()) workers.join();
   }
   if (writer.joinable()) {
     tell({0, utc_time(), EventKind::stopped, Severity::info, "", "station stopped"});
@@ -343,15 +369,19 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
   std::vector<std::string> left = needs_restart(config, wanted);
   std::map<std::string, std::string> before;
   for (const CameraConfig& camera : config.cameras) before[camera.name] = camera.fingerprint;
+  std::map<std::string, Opened> changed;
+  for (const CameraConfig& camera : wanted.cameras)
+    if (!before.contains(camera.name) || before[camera.name] != camera.fingerprint)
+      changed[camera.name] = open_camera(camera);
   std::set<std::string> wanted_names;
   for (const CameraConfig& camera : wanted.cameras) {
     wanted_names.insert(camera.name);
-    if (before.contains(camera.name) && before[camera.name] == camera.fingerprint) {
+    if (!changed.contains(camera.name)) {
       if (const auto setup = setup_of(camera.name)) adopt(setup);  // `lampglow reference restore`
       continue;
     }
     close_camera(camera.name);
-    open_camera(camera);
+    install_camera(camera, std::move(changed[camera.name]));
     const std::scoped_lock lock(feeds_mutex);
     feeds[camera.name]->start();
   }
@@ -367,6 +397,7 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
     pictures.set_options(wanted.pictures);
     backups.set(wanted.backups_kept, wanted.backup_hour_utc);
   });
+  jpeg_quality = wanted.pictures.jpeg_quality;
   config.cameras = wanted.cameras;
   tell({0, utc_time(), EventKind::configuration_changed, Severity::info, "", "configuration reloaded"});
   return left;

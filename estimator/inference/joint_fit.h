@@ -3,6 +3,7 @@
 // residuals.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -40,7 +41,12 @@ struct FitOptions {
   int max_iterations = 40;
   double min_mor_m = 12, max_mor_m = 400e3;  // where σ is searched
   bool posterior = true;                     // profile ln σ for the bounds
+  std::function<bool()> given_up;            // asked now and then; true: FitStopped, never half an answer
 };
+
+// Thrown if the caller no longer wants the answer. No std::exception, for it is no fault.
+struct FitStopped {};
+void stop_if_given_up(const FitOptions& options);
 
 // A point of the profiled posterior of ln σ.
 struct PosteriorPoint {

@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
+#include <map>
+#include <thread>
 
 #include "storage/reader.h"
 #include "tests/storage/sample.h"
@@ -50,6 +53,42 @@ TEST_F(MaintenanceTest, RetentionDropsWholeHoursAndNothingElse) {
   EXPECT_EQ(count("mean WHERE period_s = 60 AND end_ms < 1793498400000"), 0);
 }
 
+// Each setting drops its own rows and no others.
+TEST_F(MaintenanceTest, EveryKindOfRowHasItsOwnRetention) {
+  const std::vector<std::pair<int Retention::*, std::vector<std::string>>> kinds = {
+      {&Retention::frames_days, {"frame", "observation"}},
+      {&Retention::fits_days, {"lamp_fit"}},
+      {&Retention::ring_profiles_days, {"ring_profile"}},
+      {&Retention::one_minute_days, {"mean WHERE period_s = 60"}},
+      {&Retention::ten_minutes_days, {"mean WHERE period_s = 600"}},
+      {&Retention::hours_days, {"mean WHERE period_s = 3600"}},
+      {&Retention::events_days, {"event"}}};
+  for (const auto& [setting, dropped] : kinds) {
+    file = directory / (dropped.front() + ".db");
+    Store store(file);
+    fill(store, at("2026-11-01T00:00:30Z"), 180);
+    for (int i = 0; i < 3; ++i)
+      store.put_event({0, at("2026-11-01T00:10:00Z") + std::chrono::hours(i), EventKind::started,
+                       Severity::info, "", "up"});
+    std::map<std::string, int> before;
+    for (const auto& [unused, tables] : kinds)
+      for (const std::string& table : tables) before[table] = count(table);
+    Retention only{0, 0, 0, 0, 0, 0, 0};
+    only.*setting = 1;
+    while (apply_retention(store, only, at("2026-11-02T02:30:00Z"), 50) > 0) {
+    }
+    for (const auto& [table, rows] : before) {
+      const bool goes = std::find(dropped.begin(), dropped.end(), table) != dropped.end();
+      if (goes) {
+        EXPECT_LT(count(table), rows) << table;
+        EXPECT_GT(count(table), 0) << table;
+      } else {
+        EXPECT_EQ(count(table), rows) << table << " with the retention of " << dropped.front();
+      }
+    }
+  }
+}
+
 TEST_F(MaintenanceTest, AMeanOutlivesItsFramesEvenIfALateOneComes) {
   Store store(file);
   fill(store, at("2026-11-01T00:01:00Z"), 60);
@@ -70,6 +109,34 @@ TEST_F(MaintenanceTest, ABackupIsASoundCopyWhileTheStoreIsInUse) {
   EXPECT_FALSE(std::filesystem::exists(directory / "copy.db.part"));
   store.rollback();
   EXPECT_EQ(Reader(directory / "copy.db").content(), Reader(file).content());
+}
+
+// The copy is one moment of the database, however many commits come while it is made.
+TEST_F(MaintenanceTest, ABackupHoldsItsMomentAgainstAWriterThatNeverRests) {
+  Store store(file, {.batch_frames = 1});
+  fill(store, at("2026-11-01T00:00:00Z"), 3000);
+  std::jthread writer([&](const std::stop_token& stop) {
+    for (int i = 0; !stop.stop_requested(); ++i)
+      store.put(1, foggy(at("2026-11-10T00:00:00Z") + std::chrono::seconds(i)));
+  });
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(backup(file, directory / "copy.db"));
+  writer = {};
+  EXPECT_EQ(check(directory / "copy.db", true), "ok");
+  const auto frames = [&](const std::filesystem::path& of) {
+    return SQLite::Database(of.string()).execAndGet("SELECT count(*) FROM frame").getInt();
+  };
+  EXPECT_GE(frames(directory / "copy.db"), 3000);
+  EXPECT_GT(frames(file), frames(directory / "copy.db"));
+}
+
+TEST_F(MaintenanceTest, ABackupThatIsToldToStopLeavesNothing) {
+  Store store(file);
+  fill(store, at("2026-11-01T00:00:00Z"), 100);
+  std::stop_source source;
+  source.request_stop();
+  EXPECT_FALSE(backup(file, directory / "copy.db", source.get_token()));
+  for (const auto& entry : std::filesystem::directory_iterator(directory.path()))
+    EXPECT_THAT(entry.path().filename().string(), testing::Not(testing::HasSubstr("copy")));
 }
 
 TEST_F(MaintenanceTest, ACheckpointWorksAtAnyMoment) {

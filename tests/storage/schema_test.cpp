@@ -4,11 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <fstream>
+#include <map>
 #include <regex>
 #include <sstream>
 
+#include "storage/maintenance.h"
 #include "storage/reader.h"
+#include "storage/references.h"
 #include "storage/store.h"
 #include "tests/storage/sample.h"
 #include "tests/storage/temporary_directory.h"
@@ -69,11 +73,131 @@ TEST(Schema, MigratesFromEveryEarlierVersion) {
   }
 }
 
+std::string text_of(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+// A database as a program of that version left it: tests/storage/versions, dumped with sqlite3.
+void restore_version(int version, const std::filesystem::path& file) {
+  const std::string dump = text_of(std::filesystem::path(LAMPGLOW_SOURCE_DIR) / "tests/storage/versions" /
+                                   ("v" + std::to_string(version) + ".sql"));
+  ASSERT_FALSE(dump.empty()) << "version " << version << " has no file: tests/storage/versions/README.md";
+  SQLite::Database(file.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE).exec(dump);
+}
+
+// Table by table the columns of `columns`, or those there are, and all rows of them.
+using Columns = std::map<std::string, std::string>;
+Columns columns_of(SQLite::Database& database) {
+  Columns columns;
+  SQLite::Statement rows(database,
+                         "SELECT t.name, group_concat('quote(\"' || c.name || '\")', '||\",\"||') FROM "
+                         "sqlite_master AS t, pragma_table_info(t.name) AS c WHERE t.type = 'table' AND "
+                         "t.name NOT LIKE 'sqlite_%' GROUP BY t.name");
+  while (rows.executeStep()) columns[rows.getColumn(0).getString()] = rows.getColumn(1).getString();
+  return columns;
+}
+std::string rows_of(SQLite::Database& database, const Columns& columns) {
+  std::string out;
+  for (const auto& [table, names] : columns) {
+    SQLite::Statement rows(database, "SELECT " + names + " FROM \"" + table + "\" ORDER BY 1");
+    while (rows.executeStep()) out += table + ": " + rows.getColumn(0).getString() + "\n";
+  }
+  return out;
+}
+
+// The numbers in the files of old programs still mean what they meant.
+void expect_old_meanings(const std::filesystem::path& file, int version) {
+  Reader reader(file);
+  const auto quay = reader.camera("quay");
+  ASSERT_TRUE(quay);
+  const auto rows =
+      reader.observations({quay->number, at("2026-11-22T01:00:00Z"), at("2026-11-22T02:00:00Z"), 0, {}, 100});
+  const std::array<std::string, 6> weather{"unknown", "clear", "haze", "mist", "fog", "rain"};
+  const std::array<std::string, 6> states{"unknown", "seen", "faded", "off", "hidden", "saturated"};
+  const std::array<std::string, 3> limits{"", "above", "below"}, methods{"none", "glow", "contrast"};
+  ASSERT_EQ(rows.size(), 6U);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Observation& o = rows[i].observation;
+    EXPECT_EQ(o.extinction_per_m, 0.002 * static_cast<double>(i + 1));
+    EXPECT_EQ(to_string(o.weather), weather[i]);
+    EXPECT_EQ(to_string(o.limit), limits[i % 3]);
+    EXPECT_EQ(to_string(o.method), methods[i % 3]);
+    EXPECT_EQ(o.quality.to_string(), "few_lights");
+    EXPECT_EQ(to_string(reader.fits(quay->number, o.time_utc).at(0).fit.state), states[i]);
+  }
+  EXPECT_EQ(reader.latest(quay->number, 3600)->observation.time_utc, at("2026-11-22T13:00:00Z"));
+  EXPECT_EQ(reader.lamps(quay->number).at(0).distance_m, 62.5);
+  EXPECT_EQ(reader.rings(quay->number, "L1")->second.theta_deg, (std::vector<double>{0.25, 0.5, 1}));
+  const std::vector<std::string> kinds{
+      "started",       "stopped",          "configuration_changed", "reference_learned",
+      "source_failed", "source_recovered", "database_set_aside",    "backup_made",
+      "backup_failed", "disk_full",        "clock_stepped",         "retention",
+      "fog_began",     "fog_ended",        "database_recovered"};
+  const auto events = reader.events(0, 100);
+  ASSERT_EQ(events.size(), kinds.size());
+  for (std::size_t i = 0; i < kinds.size(); ++i) EXPECT_EQ(to_string(events[i].kind), kinds[i]);
+  if (version < 2) return;
+  const auto pictures = reader.pictures("quay", TimePoint{}, at("2100-01-01T00:00:00Z"), 10);
+  ASSERT_EQ(pictures.size(), 2U);
+  EXPECT_EQ(to_string(pictures[0].kept_for), "hourly");
+  EXPECT_EQ(to_string(pictures[1].kept_for), "fog_onset");
+  if (version < 3) return;
+  const auto references = ReferenceReader(file).references(quay->number);
+  ASSERT_EQ(references.size(), 3U);
+  EXPECT_EQ(to_string(references[0].origin), "clear_brackets");
+  EXPECT_EQ(to_string(references[1].origin), "relearned");
+  EXPECT_EQ(to_string(references[2].origin), "restored");
+}
+
+TEST(Schema, FilesOfEveryVersionAreMigratedWholeAndReadAsTheyWereMeant) {
+  TemporaryDirectory directory;
+  Store fresh(directory / "fresh.db");
+  SQLite::Database expected((directory / "fresh.db").string());
+  for (int version = 1; version <= schema_version(); ++version) {
+    SCOPED_TRACE("version " + std::to_string(version));
+    const auto file = directory / ("v" + std::to_string(version) + ".db");
+    ASSERT_NO_FATAL_FAILURE(restore_version(version, file));
+    Columns columns;
+    std::string before;
+    {
+      SQLite::Database old(file.string());
+      EXPECT_EQ(schema_version(old), version);
+      columns = columns_of(old);
+      before = rows_of(old, columns);
+    }
+    { Store store(file); }
+    SQLite::Database migrated(file.string());
+    EXPECT_EQ(schema_version(migrated), schema_version());
+    EXPECT_EQ(schema_of(migrated), schema_of(expected));
+    EXPECT_EQ(rows_of(migrated, columns), before);
+    EXPECT_EQ(migrated.execAndGet("PRAGMA integrity_check").getString(), "ok");
+    EXPECT_EQ(migrated.execAndGet("PRAGMA auto_vacuum").getInt(), 2);
+    expect_old_meanings(file, version);
+  }
+}
+
+TEST(Schema, AnOldCopyIsMigratedByHand) {
+  TemporaryDirectory directory;
+  const auto file = directory / "copy.db";
+  ASSERT_NO_FATAL_FAILURE(restore_version(1, file));
+  try {
+    Reader reader(file);
+    FAIL() << "read a database of version 1";
+  } catch (const StorageError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("(schema version 1); `lampglow db vacuum` migrates it"));
+  }
+  vacuum(file);
+  expect_old_meanings(file, 1);
+}
+
 TEST(Schema, ALaterProgramsDatabaseIsLeftAlone) {
   TemporaryDirectory directory;
   const auto file = directory / "later.db";
   { Store store(file); }
   { SQLite::Database(file.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 99"); }
+  EXPECT_THROW(vacuum(file), StorageError);
   try {
     Store store(file);
     FAIL() << "opened a database of version 99";

@@ -75,6 +75,19 @@ TEST_F(ServerTest, AStaleObservationHasNoValues) {
   EXPECT_EQ(properties.at("ageSeconds").as_int64(), 301);
 }
 
+// The camera died, and then the clock was set back by a day: what was seen last is not of now.
+TEST_F(ServerTest, AnObservationFromAheadIsStale) {
+  start();
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  now = at("2026-11-21T01:00:40Z");
+  const auto ahead = boost::json::parse(ask("/v1/current").body);
+  EXPECT_EQ(ahead.at("properties").at("stale"), true);
+  EXPECT_TRUE(ahead.at("properties").at("visibility").at("value").is_null());
+  EXPECT_THAT(live.metrics(), Not(HasSubstr("lampglow_visibility_meters{")));
+  live.publish("quay", foggy(at("2026-11-21T01:00:30Z")));
+  EXPECT_EQ(boost::json::parse(ask("/v1/current").body).at("properties").at("stale"), false);
+}
+
 TEST_F(ServerTest, AnAnswerMayBeKeptUntilItsOwnCamerasNextPicture) {
   start();
   live.set_camera("mole", harbour());

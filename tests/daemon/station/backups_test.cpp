@@ -5,7 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
+#include <future>
 #include <optional>
+#include <thread>
 
 #include "storage/maintenance.h"
 #include "storage/reader.h"
@@ -35,17 +38,17 @@ class BackupsTest : public testing::Test {
     store.commit();
   }
 
-  // What the backup of this time says; empty: none is made.
-  std::optional<Told> at_time(const char* time, int keep = 2) {
-    std::optional<Told> told;
-    {
-      Backups backups(file, copies, keep, 3, [&](bool good, const std::string& message) {
-        told = Told{good, message};
-      });
-      backups.tick(at(time));
-      backups.tick(at(time));  // a second look within the hour makes no second one
-    }                          // waits for the backup's thread
-    return told;
+  // What the backup of this time says, which may take `patience`; empty: none is made.
+  std::optional<Told> at_time(const char* time, std::chrono::seconds patience = std::chrono::seconds(20)) {
+    std::promise<Told> told;
+    Backups backups(file, copies, 2, 3, [&](bool good, const std::string& message) {
+      told.set_value({good, message});
+    });
+    backups.tick(at(time));
+    backups.tick(at(time));  // a second look within the hour makes no second one
+    auto future = told.get_future();
+    if (future.wait_for(patience) != std::future_status::ready) return std::nullopt;
+    return future.get();
   }
 
   std::vector<std::string> names() const {
@@ -62,7 +65,7 @@ class BackupsTest : public testing::Test {
 };
 
 TEST_F(BackupsTest, OneANightCheckedAndTheOldestGo) {
-  EXPECT_FALSE(at_time("2026-11-22T02:59:59Z"));
+  EXPECT_FALSE(at_time("2026-11-22T02:59:59Z", std::chrono::seconds(1)));
   for (const char* time : {"2026-11-22T03:00:00Z", "2026-11-23T03:30:00Z", "2026-11-24T03:59:59Z"}) {
     const auto told = at_time(time);
     ASSERT_TRUE(told) << time;
@@ -71,7 +74,32 @@ TEST_F(BackupsTest, OneANightCheckedAndTheOldestGo) {
   EXPECT_THAT(names(), ElementsAre("lampglow-20261123.db", "lampglow-20261124.db"));
   EXPECT_EQ(storage::check(copies / "lampglow-20261124.db", true), "ok");
   EXPECT_EQ(storage::Reader(copies / "lampglow-20261124.db").content(), storage::Reader(file).content());
-  EXPECT_FALSE(at_time("2026-11-24T03:10:00Z")) << "today's is there already";
+  EXPECT_FALSE(at_time("2026-11-24T03:10:00Z", std::chrono::seconds(1))) << "today's is there already";
+}
+
+// The station ends while a large copy is being made: it is not waited for, and nothing of it is left.
+TEST_F(BackupsTest, OneThatIsBrokenOffEndsAtOnceAndLeavesNothing) {
+  {
+    storage::Store store(file, {.batch_frames = 5000});
+    const auto camera = store.upsert_camera("quay", harbour());
+    for (int i = 0; i < 20000; ++i)
+      store.put(camera, foggy(at("2026-10-01T00:00:00Z") + std::chrono::minutes(i)));
+  }
+  const auto seconds = [](auto&& work) {
+    const auto begin = std::chrono::steady_clock::now();
+    work();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  };
+  const double whole_s = seconds([&] { storage::backup(file, folder.path() / "whole.db"); });
+  bool told = false;
+  Backups backups(file, copies, 2, 3, [&](bool, const std::string&) { told = true; });
+  for (const double part : {0.0, 0.3, 0.7}) {  // in the copy and in its check
+    backups.tick(at("2026-11-22T03:00:00Z") + std::chrono::hours(24 * static_cast<int>(10 * part)));
+    std::this_thread::sleep_for(std::chrono::duration<double>(part * whole_s));
+    EXPECT_LT(seconds([&] { backups.stop(); }), 0.2 * whole_s + 0.1) << "of " << whole_s << " s";
+    EXPECT_FALSE(told);
+    EXPECT_TRUE(!std::filesystem::exists(copies) || names().empty());
+  }
 }
 
 TEST_F(BackupsTest, WhatCannotBeMadeIsTold) {

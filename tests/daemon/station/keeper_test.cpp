@@ -171,6 +171,52 @@ TEST_F(KeeperTest, PicturesStayWithinTheirSpaceAndTheOldestGo) {
   EXPECT_EQ(files, 2);
 }
 
+TEST_F(KeeperTest, EveryOnsetOfFogIsKeptAndOneAnHour) {
+  auto k = keeper();
+  PictureKeeper pictures(folder.path() / "pictures", {});
+  FogWatch fog;
+  // Minutes of the night and what was seen then; fog begins at 10, 130 and 131 + 59 (after a clear spell).
+  for (int minute = 0; minute < 240; ++minute) {
+    const double mor_m = (minute >= 10 && minute < 100) || minute == 130 || minute >= 190 ? 400 : 5000;
+    const TimePoint time = start + std::chrono::minutes(minute);
+    const bool began =
+        fog.note(foggy(time, kMorTimesExtinction / mor_m).observation) == FogWatch::Change::began;
+    pictures.offer("quay", time, began, "jpeg of minute " + std::to_string(minute), *k);
+  }
+  std::vector<std::string> kept;
+  for (const auto& picture :
+       storage::Reader(file).pictures({}, TimePoint{}, at("2100-01-01T00:00:00Z"), 100)) {
+    const auto minute = std::chrono::duration_cast<std::chrono::minutes>(picture.time_utc - start).count();
+    kept.push_back(std::to_string(minute) + " " + std::string(to_string(picture.kept_for)));
+    EXPECT_EQ(test::read_all(folder.path() / "pictures/quay" /
+                             (std::to_string(picture.time_utc.time_since_epoch().count()) + ".jpg")),
+              "jpeg of minute " + std::to_string(minute));
+  }
+  EXPECT_THAT(kept, testing::ElementsAre("0 hourly", "10 fog_onset", "60 hourly", "120 hourly",
+                                         "130 fog_onset", "180 hourly", "190 fog_onset"));
+}
+
+// Weeks of a disk that fails must not fill the memory.
+TEST_F(KeeperTest, OnlySoManyEventsWait) {
+  auto k = keeper();
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  signal(SIGXFSZ, SIG_IGN);
+  rlimit small = before;
+  small.rlim_cur = 8192;
+  setrlimit(RLIMIT_FSIZE, &small);
+  fill(*k, 0, 1);
+  for (int i = 0; i < 3000; ++i)
+    k->put_event({0, start + std::chrono::seconds(i), storage::EventKind::source_failed,
+                  storage::Severity::warning, "quay", std::to_string(i)});
+  setrlimit(RLIMIT_FSIZE, &before);
+  k->tick(start, Clock::now() + std::chrono::seconds(11));
+  const auto stored = storage::Reader(file).events(0, 10000);
+  EXPECT_EQ(stored.size(), Keeper::kMostWaiting + 1);  // and that the disk is well again
+  EXPECT_EQ(stored.at(stored.size() - 2).message, "2999");
+  EXPECT_EQ(stored.back().kind, storage::EventKind::database_recovered);
+}
+
 TEST_F(KeeperTest, PicturesOfADatabaseThatIsGoneCountAndGoFirst) {
   PictureOptions options;
   options.max_bytes = 2500;
@@ -209,6 +255,15 @@ TEST(FogWatch, BeginsBelow1000AndEndsAbove1200) {
   EXPECT_EQ(note(990), FogWatch::Change::began);
   EXPECT_EQ(note(1150), FogWatch::Change::none);
   EXPECT_EQ(note(1250), FogWatch::Change::ended);
+}
+
+TEST(FogWatch, AFogThatNothingWasSeenOfForAnHourBeginsAnew) {
+  FogWatch watch;
+  const auto note_at = [&](const char* time) { return watch.note(foggy(at(time)).observation); };
+  EXPECT_EQ(note_at("2026-11-22T06:00:00Z"), FogWatch::Change::began);
+  EXPECT_EQ(note_at("2026-11-22T07:00:00Z"), FogWatch::Change::none);
+  EXPECT_EQ(note_at("2026-11-21T07:30:00Z"), FogWatch::Change::none) << "the clock was set back";
+  EXPECT_EQ(note_at("2026-11-22T17:00:00Z"), FogWatch::Change::began);
 }
 
 }  // namespace

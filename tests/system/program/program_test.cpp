@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <regex>
 #include <sstream>
 #include <thread>
 
@@ -136,6 +137,63 @@ TEST(Program, TheShellCompletesCommandsOptionsAndFiles) {
   EXPECT_EQ(completed("lampglow replay --w", 2), "--workers\n");
   EXPECT_EQ(completed("lampglow replay arch", 2), "archive.toml\n");
   EXPECT_EQ(completed("lampglow db ch", 2), "check\n");
+  EXPECT_EQ(completed("lampglow reference list x.db --c", 4), "--camera\n");
+  EXPECT_EQ(completed("lampglow db check arch", 3), "archive.toml\n");
+  EXPECT_EQ(completed("lampglow export x.db --format ''", 4), "csv json\n");
+  EXPECT_EQ(completed("lampglow export x.db --step 1", 4), "1min 10min\n");
+  EXPECT_EQ(completed("lampglow export x.db --step hour arch", 5), "archive.toml\n");
+}
+
+// The first words of a help's section: the commands, or the long options of any line.
+std::vector<std::string> named_in(const std::string& help, const std::regex& name) {
+  std::vector<std::string> names;
+  for (std::sregex_iterator found(help.begin(), help.end(), name), end; found != end; ++found)
+    names.push_back((*found)[1]);
+  return names;
+}
+
+// Down through the commands' commands: what `--help` tells, the man page and the shell must know, too.
+void expect_documented(const TemporaryFolder& folder, const std::vector<std::string>& words, int& options) {
+  std::vector<std::string> arguments = words;
+  arguments.push_back("--help");
+  const std::string help = run_program(arguments).out;
+  const std::string page = words.empty() ? "lampglow.1" : "lampglow-" + words.front() + ".1";
+  const std::string man = read_all(folder.path() / page);
+  std::string line = "lampglow";
+  for (const std::string& word : words) line += " " + word;
+  const auto completed = [&](const std::string& current) {
+    const std::string script = ". '" + (folder.path() / "completion").string() + "' && COMP_WORDS=(" + line +
+                               " " + current + ") COMP_CWORD=" + std::to_string(words.size() + 1) +
+                               "; _lampglow; printf '%s\\n' \"${COMPREPLY[@]}\" > '" +
+                               (folder.path() / "out").string() + "'";
+    EXPECT_EQ(std::system(("bash -c " + test::shell_quoted(script)).c_str()), 0);
+    return lines_of(read_all(folder.path() / "out"));
+  };
+  for (const std::string& option : named_in(help, std::regex("\n  (?:-[a-z],)?(--[a-z0-9-]+)"))) {
+    ++options;
+    EXPECT_THAT(completed("--"), testing::Contains(option)) << line;
+    EXPECT_THAT(man, HasSubstr(std::regex_replace(option, std::regex("-"), "\\-"))) << line;
+  }
+  const std::size_t commands = help.find("\nSubcommands:\n");
+  if (commands == std::string::npos) return;
+  for (const std::string& command : named_in(help.substr(commands, help.find("\n\n", commands) - commands),
+                                             std::regex("\n  ([a-z-]+) "))) {
+    EXPECT_THAT(completed(command.substr(0, 2)), testing::Contains(command)) << line;
+    EXPECT_THAT(man, HasSubstr("\\fB" + std::regex_replace(command, std::regex("-"), "\\-") + "\\fR"))
+        << line;
+    std::vector<std::string> deeper = words;
+    deeper.push_back(command);
+    expect_documented(folder, deeper, options);
+  }
+}
+
+TEST(Program, EveryOptionOfEveryCommandHasItsManPageAndIsCompleted) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(run_program({"man", "--directory", folder.path().string()}).exit_code, 0);
+  folder.write("completion", run_program({"man", "--completion"}).out);
+  int options = 0;
+  expect_documented(folder, {}, options);
+  EXPECT_GT(options, 100);
 }
 
 TEST(Program, TheDocumentedQualityFlagsAreTheRegistrys) {

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import time
 
-from machine import (MOR_M, Follower, install, integrity, log, milliseconds, prepare, stored_rows, until)
+from machine import (MOR_M, SCHEMA_VERSION, Follower, install, integrity, log, milliseconds, prepare, stored_rows, until)
 
 DATA = "/var/lib/lampglow"
 DATABASE = f"{DATA}/lampglow.db"
@@ -204,14 +204,32 @@ class Faults:
         assert self.machine.run(f"stat -c %s {DATABASE}-wal 2>/dev/null || echo 0") == "0"
         self.all_stored(begin - 30)
 
+    def upgraded_from_version_1(self):
+        """The package's upgrade over a database of the first schema: migrated at the start, with all its rows, and gone on with."""
+        def asked(sql):
+            return self.machine.run(f"sqlite3 -cmd '.timeout 10000' -readonly {DATABASE} '{sql}'")
+        old_rows = "SELECT * FROM {} WHERE time_ms < 1796000000000 ORDER BY 1, 2, 3"  # the file's, of November 2026
+        tables = ("observation", "lamp_fit", "event")
+        self.machine.run(f"systemctl stop lampglow; rm {DATABASE}; sqlite3 {DATABASE} < /seed/v1.sql; chown lampglow: {DATABASE}")
+        before = [asked(old_rows.format(table)) for table in tables]
+        assert asked("PRAGMA user_version") == "1" and all(before)
+        self.machine.run("dpkg -i /seed/lampglow.deb", 300)
+        until("an answer", 120, lambda: self.machine.ask("/readyz")[0] == 200)
+        self.more_observations(2)
+        assert asked("PRAGMA user_version") == str(SCHEMA_VERSION)
+        assert [asked(old_rows.format(table)) for table in tables] == before
+        assert integrity(self.machine) == "ok"
+        log(f"schema 1 became {SCHEMA_VERSION} by the upgrade; {len(before[0].splitlines())} old observations are as they were")
+
     def upgraded_and_purged(self):
-        """an upgrade restarts it and keeps everything; purging leaves no file, user or group"""
+        """an upgrade restarts it, brings an old schema to the present one and keeps everything; purging leaves no file, user or group"""
         self.machine.run("systemctl start lampglow", 120)
         rows, _ = stored_rows(self.machine)
         self.machine.run("dpkg -i /seed/lampglow.deb", 300)
         until("an answer", 120, lambda: self.machine.ask("/readyz")[0] == 200)
         after, twice = stored_rows(self.machine)
         assert set(rows) <= set(after) and twice == 0
+        self.upgraded_from_version_1()
         self.follower.close()
         self.machine.run("dpkg --purge lampglow", 300)
         left = self.machine.run("ls -d /etc/lampglow /usr/bin/lampglow /lib/systemd/system/lampglow.service 2>/dev/null; "

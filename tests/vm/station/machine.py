@@ -22,6 +22,8 @@ HERE = pathlib.Path(__file__).resolve().parent
 NIGHT_BEGINS = datetime.datetime(2027, 1, 15, 18, 0, tzinfo=datetime.timezone.utc)
 # Of the simulated night, by two lamps without nuisances: what estimates fast, since emulated arithmetic is slow.
 MOR_M = (400, 3000)
+VERSIONS = HERE.parents[1] / "storage/versions"  # a database of each schema version, as SQL
+SCHEMA_VERSION = len(list(VERSIONS.glob("v*.sql")))
 
 
 def log(text):
@@ -317,6 +319,7 @@ def prepare(work, lampglow, deb):
               "--mor-min", str(MOR_M[0]), "--mor-max", str(MOR_M[1]), "--without", "all", "--photons", "50000")
     shutil.copy(deb, work / "seed/lampglow.deb")
     shutil.copy(HERE / "agent", work / "seed/agent")
+    shutil.copy(VERSIONS / "v1.sql", work / "seed/v1.sql")
     image = output_of(HERE / "build_image", deb, pathlib.Path(deb).parent / "vm")
     camera = Camera(work / "camera", night)
     accel = accelerator()
