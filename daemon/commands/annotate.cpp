@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "daemon/config/files.h"
-#include "daemon/errors.h"
+#include "daemon/pictures/png.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -16,11 +15,11 @@ namespace {
 cv::Scalar colour_of(Mark::Colour colour) {
   switch (colour) {
     case Mark::Colour::lamp:
-      return {80, 220, 80};  // blue, green, red
+      return {80, 220, 80};  // red, green, blue
     case Mark::Colour::moving:
-      return {60, 60, 255};
+      return {255, 60, 60};
     case Mark::Colour::target:
-      return {255, 180, 60};
+      return {60, 180, 255};
   }
   return {};
 }
@@ -69,10 +68,10 @@ void write_annotated(const std::filesystem::path& path, const Image<std::uint16_
   const double zoom = picture.width_px < 900 ? 2 : 1;
   cv::Mat canvas;
   cv::resize(stretched(picture), canvas, {}, zoom, zoom, cv::INTER_NEAREST);
-  cv::cvtColor(canvas, canvas, cv::COLOR_GRAY2BGR);
+  cv::cvtColor(canvas, canvas, cv::COLOR_GRAY2RGB);
   for (const Mark& mark : marks) draw(canvas, mark, zoom);
-  std::vector<std::uint8_t> png;
-  if (!cv::imencode(".png", canvas, png)) throw IoError(path.string() + ": cannot encode the picture");
+  const std::span<const std::uint8_t> samples(canvas.data, canvas.total() * canvas.elemSize());
+  const Bytes png = encode_png({{canvas.cols, canvas.rows, canvas.channels(), 8}, samples});
   write_file_atomically(path, {reinterpret_cast<const char*>(png.data()), png.size()});
 }
 

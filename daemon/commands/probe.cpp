@@ -5,13 +5,12 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include "daemon/commands/commands.h"
 #include "daemon/config/files.h"
 #include "daemon/config/site_file.h"
 #include "daemon/errors.h"
+#include "daemon/pictures/png.h"
 #include "daemon/replay/stop_on_signal.h"
 #include "daemon/schedule/clock.h"
 #include "daemon/sources/checks.h"
@@ -71,11 +70,17 @@ int bit_depth_of(const SourceInfo& info, const Bracket& bracket) {
 }
 
 void write_png(const fs::path& file, const Image<std::uint16_t>& picture, int bit_depth) {
-  const cv::Mat wide(picture.height_px, picture.width_px, CV_16U,
-                     const_cast<std::uint16_t*>(picture.pixels.data()));
-  cv::Mat samples;
-  wide.convertTo(samples, bit_depth > 8 ? CV_16U : CV_8U);
-  if (!cv::imwrite(file.string(), samples)) throw IoError("cannot write " + file.string());
+  const auto& wide = picture.pixels;
+  Bytes png;
+  if (bit_depth > 8) {
+    png = encode_png({{picture.width_px, picture.height_px, 1, 16}, std::span<const std::uint16_t>(wide)});
+  } else {
+    std::vector<std::uint8_t> narrow(wide.size());
+    std::ranges::transform(wide, narrow.begin(),
+                           [](int dn) { return static_cast<std::uint8_t>(std::min(dn, 255)); });
+    png = encode_png({{picture.width_px, picture.height_px, 1, 8}, std::span<const std::uint8_t>(narrow)});
+  }
+  write_file_atomically(file, {reinterpret_cast<const char*>(png.data()), png.size()});
 }
 
 std::string text_or_empty(std::optional<double> value) {

@@ -4,17 +4,14 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 #include <memory>
 #include <numbers>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "daemon/commands/commands.h"
+#include "daemon/commands/planes.h"
 #include "daemon/errors.h"
 #include "estimator/scattering/glow_renderer.h"
 #include "estimator/scattering/glow_table.h"
@@ -30,92 +27,18 @@ struct Options {
   bool quiet = false;
 };
 
-// Large pictures pass; bombs do not.
-constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{4} << 30;
-
-cv::Mat read_picture(const std::string& path) {
-  std::error_code error;
-  const auto size = std::filesystem::file_size(path, error);
-  if (error) throw IoError(fmt::format("render: cannot read {}: {}", path, error.message()));
-  if (size > kMaxFileBytes) throw DataError(fmt::format("render: {} is larger than 4 GB", path));
-  cv::Mat picture;
-  try {
-    picture = cv::imread(path, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception& exception) {
-    throw DataError(fmt::format("render: {}: {}", path, exception.what()));
-  }
-  if (picture.empty()) throw DataError(fmt::format("render: {} is not a picture that can be decoded", path));
-  const int depth = picture.depth();
-  if (depth != CV_8U && depth != CV_16U && depth != CV_32F && depth != CV_64F)
-    throw DataError(
-        fmt::format("render: {} has an unusual sample type; expected 8 or 16 bits or float", path));
-  return picture;
-}
-
-bool is_real(int sample_type) {
-  return sample_type != CV_8U && sample_type != CV_16U;
-}
-
-// 8-bit pictures carry the sRGB curve, everything deeper is linear.
-std::vector<cv::Mat> linear_channels(const cv::Mat& picture) {
-  cv::Mat real = picture;
-  if (picture.depth() != CV_32F) picture.convertTo(real, CV_32F);
-  std::vector<cv::Mat> channels;
-  cv::split(real, channels);
-  if (picture.depth() == CV_8U)
-    for (cv::Mat& channel : channels)
-      channel.forEach<float>([](float& value, const int*) {
-        const float x = value / 255;
-        value = 255 * (x <= 0.04045f ? x / 12.92f : std::pow((x + 0.055f) / 1.055f, 2.4f));
-      });
-  if (channels.size() == 4 || channels.size() == 2) channels.pop_back();  // transparency
-  return channels;
-}
-
-void to_srgb(cv::Mat& channel) {
-  channel.forEach<float>([](float& value, const int*) {
-    const float x = std::max(value, 0.0f) / 255;
-    value = 255 * (x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1 / 2.4f) - 0.055f);
-  });
-}
-
-// Brightness of a float picture has no end that could be white: it is not squeezed into integers.
-void refuse_integers_for_float(const std::string& out, int sample_type) {
-  const std::string extension = std::filesystem::path(out).extension().string();
-  if (is_real(sample_type) && extension != ".exr" && extension != ".tif" && extension != ".tiff")
-    throw UsageError(fmt::format("render: {}: a float picture is written as .exr or .tiff", out));
-}
-
-void write_picture(const std::string& path, std::vector<cv::Mat> channels, int sample_type) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  const bool real = extension == ".exr" || is_real(sample_type);
-  cv::Mat picture;
-  if (!real && sample_type == CV_8U)
-    for (cv::Mat& channel : channels) to_srgb(channel);
-  cv::merge(channels, picture);
-  channels.clear();
-  if (!real) picture.convertTo(picture, sample_type);  // rounds, and clips at full scale
-  try {
-    if (!cv::imwrite(path, picture)) throw IoError(fmt::format("render: cannot write {}", path));
-  } catch (const cv::Exception& exception) {
-    throw IoError(fmt::format("render: cannot write {}: {}", path, exception.what()));
-  }
-}
-
-std::vector<float> read_depth(const Options& options, const cv::Size& size) {
+std::vector<float> read_depth(const Options& options, const Planes& picture) {
   if (options.depth.empty()) return {};
-  cv::Mat map = read_picture(options.depth);
-  if (map.channels() != 1) cv::extractChannel(map, map, 0);
-  if (map.size() != size)
-    throw DataError(fmt::format("render: {} is {}x{}, the picture {}x{}", options.depth, map.cols, map.rows,
-                                size.width, size.height));
-  map.convertTo(map, CV_32F, options.depth_unit_m);
-  std::vector<float> depth;
-  for (int row = 0; row < map.rows; ++row)
-    depth.insert(depth.end(), map.ptr<float>(row), map.ptr<float>(row) + map.cols);
+  Planes map = read_planes(options.depth);
+  if (map.width_px != picture.width_px || map.height_px != picture.height_px)
+    throw DataError(fmt::format("render: {} is {}x{}, the picture {}x{}", options.depth, map.width_px,
+                                map.height_px, picture.width_px, picture.height_px));
+  std::vector<float> depth = std::move(map.planes.back());
   // Unknown depth, written as 0: the distance given.
-  for (float& value : depth)
+  for (float& value : depth) {
+    value = static_cast<float>(value * options.depth_unit_m);
     if (!(value > 0)) value = static_cast<float>(options.distance_m);
+  }
   return depth;
 }
 
@@ -128,42 +51,39 @@ void draw_progress(std::size_t done, std::size_t total) {
 }
 
 void run(const Options& options) {
-  setenv("OPENCV_IO_ENABLE_OPENEXR", "1", 1);  // Debian's OpenCV has OpenEXR, switched off by default
-  cv::Mat clear = read_picture(options.in);
-  const cv::Size size = clear.size();
-  const int sample_type = clear.depth();
-  refuse_integers_for_float(options.out, sample_type);
-  std::vector<cv::Mat> channels = linear_channels(clear);
-  clear.release();  // pictures are large
-  const std::vector<float> depth = read_depth(options, size);
+  Planes picture = read_planes(options.in);
+  refuse_unwritable(options.out, picture);
+  to_linear(picture);
+  const std::vector<float> depth = read_depth(options, picture);
   scattering::RenderOptions fog;
   fog.medium = {scattering::extinction_from_mor_per_m(options.mor_m), options.albedo, options.q};
   fog.focal_length_px =
       options.focal_px > 0
           ? options.focal_px
-          : size.width / (2 * std::tan(options.field_of_view_deg / 2 * std::numbers::pi / 180));
+          : picture.width_px / (2 * std::tan(options.field_of_view_deg / 2 * std::numbers::pi / 180));
   fog.single_only = options.scattering == "single";
   fog.airlight = options.airlight;
   fog.depth_layers = options.layers;
   const bool bar = !options.quiet && isatty(STDERR_FILENO) != 0;
-  const std::size_t planes = channels.size();
+  const std::size_t planes = picture.planes.size();
   for (std::size_t c = 0; c < planes; ++c) {
-    cv::Mat foggy(size, CV_32F);
+    std::vector<float> foggy(picture.planes[c].size());
     const auto progress = [&](std::size_t done, std::size_t total) {
       if (bar) draw_progress(c * total + done, planes * total);
     };
     try {
-      scattering::render_glow({channels[c].ptr<float>(), channels[c].total()}, size.width, size.height, depth,
-                              options.distance_m, fog, {foggy.ptr<float>(), foggy.total()}, progress);
+      scattering::render_glow(picture.planes[c], picture.width_px, picture.height_px, depth,
+                              options.distance_m, fog, foggy, progress);
     } catch (const std::domain_error& error) {
       throw UsageError(fmt::format("render: {} (MOR {} m, distance {} m)", error.what(), options.mor_m,
                                    options.distance_m));
     }
-    channels[c] = foggy;
+    picture.planes[c] = std::move(foggy);
   }
-  write_picture(options.out, std::move(channels), sample_type);
-  fmt::print("{}: {}x{}, MOR {} m, q {}, {} scattering, focal length {:.1f} px\n", options.out, size.width,
-             size.height, options.mor_m, options.q, options.scattering, fog.focal_length_px);
+  const int width = picture.width_px, height = picture.height_px;
+  write_planes(options.out, std::move(picture));
+  fmt::print("{}: {}x{}, MOR {} m, q {}, {} scattering, focal length {:.1f} px\n", options.out, width, height,
+             options.mor_m, options.q, options.scattering, fog.focal_length_px);
 }
 
 }  // namespace

@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <vector>
 
 #include "daemon/config/base64.h"
+#include "daemon/pictures/png.h"
 #include "estimator/scattering/glow_renderer.h"
 #include "estimator/scattering/medium.h"
 
@@ -48,16 +47,13 @@ struct NightScene {
 };
 
 std::string picture(const std::vector<float>& radiance, const std::string& caption) {
-  cv::Mat shown(kSceneHeight, kSceneWidth, CV_8U);
-  for (int row = 0; row < kSceneHeight; ++row)
-    for (int column = 0; column < kSceneWidth; ++column) {
-      // Four decades, logarithmic: glow spans more than any screen.
-      const float value = radiance[pixel(column, row)];
-      shown.at<unsigned char>(row, column) =
-          cv::saturate_cast<unsigned char>(255 * (std::log10(std::max(value, 1e-6f)) + 2.3f) / 4);
-    }
-  std::vector<unsigned char> png;
-  cv::imencode(".png", shown, png);
+  std::vector<std::uint8_t> shown(kScenePixels);
+  for (std::size_t i = 0; i < kScenePixels; ++i) {
+    // Four decades, logarithmic: glow spans more than any screen.
+    const float grey = 255 * (std::log10(std::max(radiance[i], 1e-6f)) + 2.3f) / 4;
+    shown[i] = static_cast<std::uint8_t>(std::lrint(std::clamp(grey, 0.0f, 255.0f)));
+  }
+  const Bytes png = encode_png({{kSceneWidth, kSceneHeight, 1, 8}, std::span<const std::uint8_t>(shown)});
   return fmt::format(
       "<figure><img alt='{}' src='data:image/png;base64,{}'><figcaption>{}</figcaption></figure>\n", caption,
       base64(png), caption);

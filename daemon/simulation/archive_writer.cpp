@@ -2,19 +2,20 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include "daemon/errors.h"
+#include "daemon/pictures/jpeg.h"
+#include "daemon/pictures/png.h"
 #include "daemon/simulation/random.h"
 
 namespace lampglow::simulation {
 
 namespace {
 
-void write_text(const std::filesystem::path& file, const std::string& text) {
+void write_text(const std::filesystem::path& file, std::string_view text) {
   std::ofstream stream(file, std::ios::binary | std::ios::trunc);
   stream << text;
   stream.close();
@@ -46,20 +47,20 @@ std::string camera_table(const Sensor& sensor) {
 }  // namespace
 
 void write_picture(const std::filesystem::path& file, const Image<std::uint16_t>& picture) {
-  const cv::Mat pixels(picture.height_px, picture.width_px, CV_16U,
-                       const_cast<std::uint16_t*>(picture.pixels.data()));
-  bool written = false;
+  const auto& pixels = picture.pixels;
+  daemon::Bytes bytes;
   if (file.extension() == ".jpg") {
-    cv::Mat grey;
-    pixels.convertTo(grey, CV_8U);
-    const cv::Mat channels[] = {grey, grey, grey};
-    cv::Mat colour;
-    cv::merge(channels, 3, colour);
-    written = cv::imwrite(file.string(), colour, {cv::IMWRITE_JPEG_QUALITY, 92});
+    std::vector<std::uint8_t> colours;
+    colours.reserve(3 * pixels.size());
+    for (const std::uint16_t dn : pixels)
+      colours.insert(colours.end(), 3, static_cast<std::uint8_t>(std::min<int>(dn, 255)));
+    bytes = daemon::encode_jpeg(
+        {{picture.width_px, picture.height_px, 3, 8}, std::span<const std::uint8_t>(colours)}, 92);
   } else {
-    written = cv::imwrite(file.string(), pixels, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    bytes = daemon::encode_png(
+        {{picture.width_px, picture.height_px, 1, 16}, std::span<const std::uint16_t>(pixels)});
   }
-  if (!written) throw daemon::IoError("cannot write " + file.string());
+  write_text(file, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 // A catalogue is made by hand or by `survey`: its positions are off by up to half a pixel.

@@ -8,13 +8,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 
 #include "daemon/config/descriptor.h"
 #include "daemon/errors.h"
-#include "daemon/sources/image_header.h"
-#include "daemon/sources/jpeg.h"
+#include "daemon/pictures/decode.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -64,50 +61,87 @@ DecodedImage check_header(const ImageHeader& header, const std::string& name, co
   return {};
 }
 
-// Empty where OpenCV cannot decode it.
-cv::Mat decode(std::span<const std::uint8_t> bytes) {
-  const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<std::uint8_t*>(bytes.data()));
-  try {
-    return cv::imdecode(raw, cv::IMREAD_UNCHANGED);
-  } catch (const cv::Exception&) {
-    return {};
+// A picture of another shape than its header told.
+struct WrongShape : PictureError {
+  WrongShape(Quality why, const std::string& text) : PictureError(text), flag(why) {}
+  Quality flag;
+};
+
+// Takes of a picture what is wanted, row by row: grey or green, and whether there is colour. A colour picture
+// in which all channels agree is a monochrome one. A coloured clock in the picture, or a codec's rounding, is
+// no colour: a thousandth of the pixels may differ, any pixel by 2 %.
+class GreenOrMono : public RowSink {
+ public:
+  explicit GreenOrMono(const Camera& camera) : camera_(camera) {}
+
+  void begin(const PictureShape& shape) override {
+    if (shape.width_px != camera_.width_px || shape.height_px != camera_.height_px)
+      throw WrongShape(Quality::frame_wrong_size, "the decoded picture is not of the size its header tells");
+    if (shape.bits != container_bits(camera_))
+      throw WrongShape(Quality::frame_wrong_depth, "expected whole numbers as samples");
+    channels_ = static_cast<std::size_t>(shape.channels);
+    tolerance_ = shape.bits == 8 ? 5 : 1310;
+    pixels_ = Image<std::uint16_t>(shape.width_px, shape.height_px);
   }
-}
 
-// A colour picture in which all channels agree is a monochrome one. A coloured clock in the picture, or a
-// codec's rounding, is no colour: a thousandth of the pixels may differ, any pixel by 2 %.
-bool has_colour(const cv::Mat& bgr) {
-  if (bgr.channels() != 3) return false;
-  const int tolerance = bgr.depth() == CV_8U ? 5 : 1310;
-  cv::Mat channels[3];
-  cv::split(bgr, channels);
-  cv::Mat low, high, spread;
-  cv::min(channels[0], channels[1], low);
-  cv::min(low, channels[2], low);
-  cv::max(channels[0], channels[1], high);
-  cv::max(high, channels[2], high);
-  cv::subtract(high, low, spread);
-  return static_cast<std::size_t>(cv::countNonZero(spread > tolerance)) * 1000 > bgr.total();
-}
+  void take(int row, Samples samples) override {
+    std::uint16_t* out = &pixels_.at(0, row);
+    if (const auto* bytes = std::get_if<std::span<const std::uint8_t>>(&samples))
+      take_row(*bytes, out);
+    else
+      take_row(std::get<std::span<const std::uint16_t>>(samples), out);
+  }
 
-Image<std::uint16_t> green_or_mono(const cv::Mat& decoded) {
-  cv::Mat plane = decoded;
-  if (decoded.channels() == 3) cv::extractChannel(decoded, plane, 1);
-  cv::Mat wide;
-  plane.convertTo(wide, CV_16U);
-  Image<std::uint16_t> image(wide.cols, wide.rows);
-  for (int row = 0; row < wide.rows; ++row)
-    std::copy_n(wide.ptr<std::uint16_t>(row), wide.cols, &image.at(0, row));
+  bool monochrome() const { return coloured_ * 1000 <= pixels_.pixels.size(); }
+  Image<std::uint16_t>& pixels() { return pixels_; }
+
+ private:
+  template <typename T>
+  void take_row(std::span<const T> samples, std::uint16_t* out) {
+    if (channels_ == 1) {
+      std::copy(samples.begin(), samples.end(), out);
+      return;
+    }
+    for (std::size_t i = 0; i < samples.size(); i += channels_) {
+      const int red = samples[i], green = samples[i + 1], blue = samples[i + 2];
+      *out++ = static_cast<std::uint16_t>(green);
+      coloured_ += std::max({red, green, blue}) - std::min({red, green, blue}) > tolerance_ ? 1 : 0;
+    }
+  }
+
+  const Camera& camera_;
+  Image<std::uint16_t> pixels_;
+  std::size_t channels_ = 1, coloured_ = 0;
+  int tolerance_ = 0;
+};
+
+DecodedImage decode_pixels(ImageFormat format, std::span<const std::uint8_t> bytes, const std::string& name,
+                           const Camera& camera) {
+  GreenOrMono sink(camera);
+  const std::string damaged = "the picture's data are damaged";
+  try {
+    decode_picture(format, bytes, sink);
+  } catch (const PictureError& error) {
+    // A JPEG that is cut within its data is whole by its structure.
+    if (format == ImageFormat::jpeg)
+      return refuse(Quality::frame_truncated, name, damaged + ": " + error.what());
+    if (const auto* shape = dynamic_cast<const WrongShape*>(&error))
+      return refuse(shape->flag, name, shape->what());
+    return refuse(Quality::frame_undecodable, name, damaged);
+  }
+  DecodedImage image;
+  image.monochrome = sink.monochrome();
+  image.pixels = std::move(sink.pixels());
   return image;
 }
 
-struct Bytes {
+struct FileBytes {
   std::vector<std::uint8_t> data;
   std::string fault;
   bool too_large = false;
 };
 
-Bytes read_bytes(const std::filesystem::path& path, std::uint64_t max_bytes) {
+FileBytes read_bytes(const std::filesystem::path& path, std::uint64_t max_bytes) {
   // No link is followed, and a FIFO is not waited for.
   const Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOFOLLOW));
   if (!fd.good()) return {{}, std::strerror(errno)};
@@ -140,22 +174,9 @@ DecodedImage decode_image(std::span<const std::uint8_t> bytes, const std::string
                               bytes.size()));
   const auto header = read_image_header(bytes);
   if (!header) return refuse(Quality::frame_undecodable, name, "expected a PNG, JPEG or TIFF picture");
-  DecodedImage image = check_header(*header, name, camera);
+  if (DecodedImage refused = check_header(*header, name, camera); !refused.good()) return refused;
+  DecodedImage image = decode_pixels(header->format, bytes, name, camera);
   if (!image.good()) return image;
-  JpegPicture jpeg;  // owns the samples that `decoded` then shows
-  if (header->format == ImageFormat::jpeg) jpeg = decode_jpeg(bytes, camera.width_px, camera.height_px);
-  if (!jpeg.damage.empty())
-    return refuse(Quality::frame_truncated, name, "the picture's data are damaged: " + jpeg.damage);
-  const cv::Mat decoded = jpeg.samples.empty() ? decode(bytes)
-                                               : cv::Mat(jpeg.height_px, jpeg.width_px, CV_8UC(jpeg.channels),
-                                                         jpeg.samples.data());
-  if (decoded.empty()) return refuse(Quality::frame_undecodable, name, "the picture's data are damaged");
-  if (decoded.cols != camera.width_px || decoded.rows != camera.height_px)
-    return refuse(Quality::frame_wrong_size, name, "the decoded picture is not of the size its header tells");
-  if (decoded.depth() != (container_bits(camera) == 8 ? CV_8U : CV_16U))
-    return refuse(Quality::frame_wrong_depth, name, "expected whole numbers as samples");
-  image.pixels = green_or_mono(decoded);
-  image.monochrome = !has_colour(decoded);
   const int highest = *std::max_element(image.pixels.pixels.begin(), image.pixels.pixels.end());
   if (highest >= 1 << camera.bit_depth)
     return refuse(Quality::frame_wrong_depth, name,
@@ -181,14 +202,14 @@ DecodedImage load_image(const std::filesystem::path& folder, const std::string& 
                         const Camera& camera) {
   if (const std::string why = refuse_path(folder, relative); !why.empty())
     return refuse(Quality::frame_missing, relative, why);
-  const Bytes bytes = read_bytes(folder / relative, plausible_bytes(camera));
+  const FileBytes bytes = read_bytes(folder / relative, plausible_bytes(camera));
   if (!bytes.fault.empty())
     return refuse(bytes.too_large ? Quality::frame_too_large : Quality::frame_missing, relative, bytes.fault);
   return decode_image(bytes.data, relative, camera);
 }
 
 PlainImage load_plain_image(const std::filesystem::path& path, std::int64_t max_pixels) {
-  const Bytes bytes = read_bytes(path, 8ULL * static_cast<std::uint64_t>(max_pixels));
+  const FileBytes bytes = read_bytes(path, 8ULL * static_cast<std::uint64_t>(max_pixels));
   if (!bytes.fault.empty()) throw IoError(path.string() + ": " + bytes.fault);
   const auto header = read_image_header(bytes.data);
   if (!header) throw DataError(path.string() + ": expected a PNG, JPEG or TIFF picture");

@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
+#include "daemon/pictures/image_header.h"
 #include "daemon/sources/fault.h"
 #include "daemon/sources/image_file.h"
-#include "daemon/sources/image_header.h"
 
 namespace lampglow::daemon {
 namespace {

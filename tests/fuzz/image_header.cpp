@@ -2,7 +2,7 @@
 #include <cstdint>
 #include <span>
 
-#include "daemon/sources/image_header.h"
+#include "daemon/pictures/image_header.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   (void)lampglow::daemon::read_image_header({data, size});

@@ -51,7 +51,8 @@ const std::vector<Rule>& rules() {
       {"daemon/",
        {"daemon/", "estimator/", "storage/", "web/"},
        {"boost/", "toml++/", "CLI/", "fmt/", "spdlog/", "opencv2/", "curl/", "libav", "libswscale/",
-        "libcamera/", "jpeglib.h", "jerror.h", "systemd/", "openssl/", "linux/"},
+        "libcamera/", "jpeglib.h", "jerror.h", "png.h", "tiffio.h", "OpenEXR/", "systemd/", "openssl/",
+        "linux/"},
        {}},
   };
   return all;

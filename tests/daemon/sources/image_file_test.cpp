@@ -5,7 +5,7 @@
 
 #include <random>
 
-#include "daemon/sources/image_header.h"
+#include "daemon/pictures/image_header.h"
 #include "tests/support/messages.h"
 #include "tests/support/small_archive.h"
 

@@ -1,4 +1,4 @@
-#include "daemon/sources/image_header.h"
+#include "daemon/pictures/image_header.h"
 
 #include <algorithm>
 #include <array>
