@@ -112,7 +112,7 @@ TEST(LiveFrame, BombIsRefusedByItsHeader) {
 }
 
 // A TIFF of so many entries (tag, LONG, value) and one strip of 4x4 bytes.
-Bytes tiff_of(std::vector<std::pair<std::uint32_t, std::uint32_t>> entries) {
+Bytes tiff_of(const std::vector<std::pair<std::uint32_t, std::uint32_t>>& entries) {
   Bytes bytes{'I', 'I', 42, 0, 24, 0, 0, 0};
   for (int i = 0; i < 16; ++i) bytes.push_back(static_cast<std::uint8_t>(10 * i));
   const auto put = [&bytes](std::uint32_t value, int count) {
@@ -158,7 +158,7 @@ TEST(LiveFrame, PictureOfTwoSizesIsRefusedBeforeItIsDecoded) {
   const Bytes huge{0xFF, 0xC9, 0, 11, 8, 0xFF, 0xDC, 0xFF, 0xDC, 1, 1, 0x11, 0,  // 65500 x 65500
                    0xFF, 0xDA, 0, 8,  1, 1,    0,    0,    63,   0};
   const Bytes own{0xFF, 0xC0};
-  bytes.insert(std::ranges::search(bytes, own).begin(), huge.begin(), huge.end());
+  bytes.insert(std::search(bytes.begin(), bytes.end(), own.begin(), own.end()), huge.begin(), huge.end());
   EXPECT_EQ(fault_of(bytes), Fault::torn);
 }
 

@@ -1,5 +1,6 @@
 #include "daemon/sources/raw_frame.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "daemon/sources/fault.h"
@@ -92,7 +93,7 @@ TEST(RawFrame, LibcameraNamesAreTheirFormats) {
       for (const std::string packing : {"", "_CSI2P"}) {
         const bool packed = !packing.empty();
         if (packed && bits != 10 && bits != 12) continue;
-        const std::string name = "S" + order + std::to_string(bits) + packing;
+        const std::string name = fmt::format("S{}{}{}", order, bits, packing);
         const RawFormat* format = find_libcamera_format(name);
         ASSERT_NE(format, nullptr) << name;
         EXPECT_EQ(format->bits, bits) << name;
