@@ -116,6 +116,9 @@ std::string read_id(ConfigTable& table, std::set<std::string>& taken) {
   return id;
 }
 
+// With the strays' and their rings still within photometry::kMaxRings.
+constexpr std::size_t kMaxLights = 800;
+
 Light read_light(ConfigTable& table, const Camera& camera, std::set<std::string>& taken) {
   Light light;
   light.id = read_id(table, taken);
@@ -287,8 +290,11 @@ Site read_site_tables(ConfigTable& tables, const std::filesystem::path& folder) 
   site.elevation_m = place.number("elevation_m", {-500, 9000});
   site.camera = read_camera(tables.required_table("camera"), folder);
   std::set<std::string> light_ids, target_ids;
-  for (ConfigTable& table : tables.tables("light"))
+  for (ConfigTable& table : tables.tables("light")) {
     site.lights.push_back(read_light(table, site.camera, light_ids));
+    if (site.lights.size() == kMaxLights + 1)
+      table.problem("id", fmt::format("is one too many; expected at most {} lights", kMaxLights));
+  }
   for (ConfigTable& table : tables.tables("target"))
     site.targets.push_back(read_target(table, site.camera, target_ids));
   if (const auto night = tables.table("night")) site.night = read_patches(*night);

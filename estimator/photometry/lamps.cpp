@@ -60,22 +60,29 @@ cv::Mat matched_filter(const RadianceImage& image, const DetectionOptions& optio
     const bool masked = image.mask.pixels[i] & (kHot | kInvalid);
     signal.pixels[i] = masked ? 0.0F : (image.radiance.pixels[i] - level) / noise;
   }
+  background.sigma = {};  // pictures are large
   cv::Mat smooth;
   cv::GaussianBlur(view(signal), smooth, cv::Size(0, 0), psf_sigma_px);
   smooth *= 2 * std::sqrt(3.141592653589793) * psf_sigma_px;  // 1/sqrt(Σ kernel²)
   return smooth;
 }
 
-// Compression and structure make noise that is not white, and the matched filter's output is then rougher
-// than 1: divides by the scatter that it really has, cell by cell, where that is more.
-void normalise(cv::Mat& height, int cell_px, int samples) {
+// What a picture without noise of its own varies by, cell by cell.
+Image<float> scatter_of(const cv::Mat& height, int cell_px, int samples) {
   RadianceImage image;
   image.radiance = Image<float>(height.cols, height.rows);
   image.variance = Image<float>(height.cols, height.rows);
   image.mask = Image<std::uint8_t>(height.cols, height.rows);
   height.copyTo(view(image.radiance));
-  Image<float> scatter = background_mesh(image, cell_px, samples).sigma;
-  cv::Mat divisor = cv::max(view(scatter), 1.0F);
+  return background_mesh(image, cell_px, samples).sigma;
+}
+
+// Compression and structure make noise that is not white, and the matched filter's output is then rougher
+// than 1: divides by the scatter that it really has, cell by cell, where that is more.
+void normalise(cv::Mat& height, int cell_px, int samples) {
+  Image<float> scatter = scatter_of(height, cell_px, samples);
+  cv::Mat divisor = view(scatter);
+  cv::max(divisor, 1.0F, divisor);
   height /= divisor;
 }
 
@@ -176,7 +183,8 @@ std::vector<DetectedLight> detect_lights(const RadianceImage& image, const Detec
   // A pixel of 2x2 has the lamp's own spread and its own: σ² / 4 + 1/12 of the large pixel.
   const double psf =
       std::max(0.7, std::sqrt(options.psf_sigma_px * options.psf_sigma_px / (binning * binning)));
-  cv::Mat height = matched_filter(binning > 1 ? binned(image, binning) : image, options, psf);
+  cv::Mat height = binning > 1 ? matched_filter(binned(image, binning), options, psf)
+                               : matched_filter(image, options, psf);
   normalise(height, std::max(16, 2 * options.mesh_px / binning), options.mesh_samples);
   std::vector<Peak> peaks = find_peaks(height, options);
   std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <stdexcept>
+#include <string>
 
 #include "estimator/photometry/median.h"
 
@@ -72,11 +74,11 @@ void sample_inner_ring(Ring& ring, const RingCentre& centre, const AngularScale&
 void sample_outer_rings(RingMap& map, const AngularScale& scale) {
   std::vector<int> count(map.rings.size(), 0), seen(map.rings.size(), 0);
   std::vector<double> sum_x(map.rings.size(), 0), sum_y(map.rings.size(), 0);
-  for (const std::int32_t ring : map.ring_of_pixel.pixels)
+  for (const RingIndex ring : map.ring_of_pixel.pixels)
     if (ring >= 0) ++count[static_cast<size_t>(ring)];
   for (int row = 0; row < map.ring_of_pixel.height_px; ++row)
     for (int column = 0; column < map.ring_of_pixel.width_px; ++column) {
-      const std::int32_t index = map.ring_of_pixel.at(column, row);
+      const RingIndex index = map.ring_of_pixel.at(column, row);
       if (index < 0) continue;
       const auto r = static_cast<size_t>(index);
       sum_x[r] += column + 0.5;
@@ -149,13 +151,13 @@ struct Run {
 
 // The reference's rings under the pixels of one row, −1 outside. The camera turns so little that over a few
 // pixels the same whole shift serves; where it changes each pixel is looked up by itself.
-void rings_under_row(const RingMap& map, const Motion& motion, int row, std::vector<std::int32_t>& rings) {
+void rings_under_row(const RingMap& map, const Motion& motion, int row, std::vector<RingIndex>& rings) {
   constexpr int kBlock = 16;
   const int width = static_cast<int>(rings.size());
   const auto ring_at = [&](int column) {
     int x = 0, y = 0;
     motion.to_reference(column + 0.5, row + 0.5, x, y);
-    return map.ring_of_pixel.contains(x, y) ? map.ring_of_pixel.at(x, y) : -1;
+    return map.ring_of_pixel.contains(x, y) ? map.ring_of_pixel.at(x, y) : RingIndex{-1};
   };
   for (int first = 0; first < width; first += kBlock) {
     const int last = std::min(first + kBlock, width) - 1;
@@ -174,7 +176,7 @@ void rings_under_row(const RingMap& map, const Motion& motion, int row, std::vec
 std::vector<Run> outer_runs(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out) {
   const std::vector<char> inner = inner_rings(map);
   const auto width = static_cast<size_t>(frame.radiance.width_px);
-  std::vector<std::int32_t> rings(width);
+  std::vector<RingIndex> rings(width);
   std::vector<Run> runs;
   for (int row = 0; row < frame.radiance.height_px; ++row) {
     rings_under_row(map, motion, row, rings);
@@ -347,6 +349,10 @@ double plane_distance(const Direction& a, const Direction& b) {
 }
 
 RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres, const RingOptions& options) {
+  if (centres.size() * static_cast<size_t>(options.rings) > kMaxRings)
+    throw std::invalid_argument(std::to_string(centres.size()) + " lamps of " +
+                                std::to_string(options.rings) + " rings each: expected at most " +
+                                std::to_string(kMaxRings) + " rings");
   const AngularScale scale(camera);
   RingMap map;
   map.options = options;
@@ -366,13 +372,13 @@ RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres,
                            centres[i].x_px,
                            centres[i].y_px});
     }
-  map.ring_of_pixel = Image<std::int32_t>(camera.width_px, camera.height_px, -1);
+  map.ring_of_pixel = Image<RingIndex>(camera.width_px, camera.height_px, -1);
   for (int row = 0; row < camera.height_px; ++row)
     for (int column = 0; column < camera.width_px; ++column) {
       const Owner owner = owner_of(scale.direction(column + 0.5, row + 0.5), lamps, centres);
       if (owner.lamp < 0 || (owner.theta > map.inner_zone_rad && !is_sky(options, column, row))) continue;
       const int k = ring_of_angle(owner.theta, map.edges_rad);
-      if (k >= 0) map.ring_of_pixel.at(column, row) = owner.lamp * options.rings + k;
+      if (k >= 0) map.ring_of_pixel.at(column, row) = static_cast<RingIndex>(owner.lamp * options.rings + k);
     }
   sample_outer_rings(map, scale);
   for (Ring& ring : map.rings)

@@ -4,7 +4,9 @@
 // affair.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -59,16 +61,21 @@ struct Ring {
   double mean_x_px = 0, mean_y_px = 0;
 };
 
+// Two bytes, because a map has one for every pixel.
+using RingIndex = std::int16_t;
+inline constexpr std::size_t kMaxRings = std::numeric_limits<RingIndex>::max();
+
 // Which pixel belongs to which ring: computed once for a reference, used for every frame of it.
 struct RingMap {
   std::vector<RingCentre> centres;
-  std::vector<Ring> rings;            // lamp by lamp, inside out, options.rings each
-  std::vector<double> edges_rad;      // options.rings + 1, first 0
-  Image<std::int32_t> ring_of_pixel;  // -1: none
+  std::vector<Ring> rings;         // lamp by lamp, inside out, options.rings each
+  std::vector<double> edges_rad;   // options.rings + 1, first 0
+  Image<RingIndex> ring_of_pixel;  // -1: none
   RingOptions options;
   double inner_zone_rad = 0;  // within this angle rings are measured with sub-pixel weights
 };
 
+// Throws std::invalid_argument where the lamps would have more than kMaxRings rings.
 RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres, const RingOptions& options);
 
 struct RingMean {

@@ -130,6 +130,15 @@ TEST(SiteFile, RefusesWhatCannotBe) {
             "site.toml:8:12: camera.width_px: expected a whole number from 1 to 32767, got 100000");
 }
 
+TEST(SiteFile, ManyLightsAreReadAndTooManyAreTold) {
+  std::string text(kExample);
+  for (int i = 3; i <= 800; ++i)
+    text += "[[light]]\nid = \"L" + std::to_string(i) + "\"\nx_px = 9\ny_px = 21\n";
+  EXPECT_EQ(parse(text).lights.size(), 800U);
+  EXPECT_THAT(complaint(text + "[[light]]\nid = \"L801\"\nx_px = 9\ny_px = 21\n"),
+              testing::EndsWith("light[801].id: is one too many; expected at most 800 lights"));
+}
+
 TEST(SiteFile, ResponseFileMayNotLeaveTheFolder) {
   for (const char* path : {"../curve.csv", "/etc/passwd", "a/../../b"})
     EXPECT_EQ(complaint(changed("response = \"linear\"", "response = \"" + std::string(path) + "\"")),

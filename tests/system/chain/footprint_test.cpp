@@ -65,6 +65,7 @@ TEST(Footprint, MemoryWithA1080pCameraAndProcessorTimeBetweenFrames) {
                 status_kib(pid, "VmHWM") / 1024.0);
     EXPECT_TRUE(small) << status_kib(pid, "VmRSS") << " KiB";
   }
+  EXPECT_LE(status_kib(pid, "VmHWM"), kLargest_kib) << "at the peak, the start included";
   station.reload_with(86'400);  // no frame is due: this is the time between two
   const double before = cpu_s(pid);
   std::this_thread::sleep_for(3s);
