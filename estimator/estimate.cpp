@@ -3,6 +3,7 @@
 #include <cmath>
 #include <exception>
 
+#include "estimator/inference/day_reference.h"
 #include "estimator/inference/sun.h"
 #include "estimator/photometry/targets.h"
 
@@ -64,7 +65,11 @@ void estimate_day(const Bracket& bracket, const photometry::RadianceImage& image
     inference::measure_patches(image, site.camera, *site.day_patches, options.relative_humidity,
                                Method::contrast, options.patches, day);
     inference::flag_sun(image, sun, options.day, day.observation);
-    if (day.observation.extinction_per_m) return;
+    inference::flag_window(image, site, day.observation);
+    if (day.observation.extinction_per_m) {
+      inference::widen_for_scene(options.day, day.observation);
+      return;
+    }
   }
   inference::measure_day(image, site, sun, monochrome, options.relative_humidity, options.day, day);
 }
@@ -180,6 +185,17 @@ std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, co
   for (const auto& frame : frames) hot.add(frame.image.hot_pixels);
   if (reference) reference->hot_pixels = hot.map();
   return reference;
+}
+
+void learn_targets(std::span<const Bracket> clear, Site& site, const EstimatorOptions& options) {
+  std::vector<photometry::RadianceImage> daylight;
+  for (const Bracket& bracket : clear) {
+    const auto sun = sun_at(bracket, site);
+    if (!sun || inference::contrast_weight(sun->altitude_deg, options.combine) < 1) continue;
+    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (!image.empty()) daylight.push_back(std::move(image));
+  }
+  inference::learn_clear_targets(daylight, site);
 }
 
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,

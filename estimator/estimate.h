@@ -36,6 +36,11 @@ struct EstimatorOptions {
 std::optional<ClearReference> learn_reference(std::span<const Bracket> clear, const Site& site,
                                               const EstimatorOptions& options);
 
+// The targets as the daylight frames among the clear brackets show them (Target::clear), so that drops on the
+// window and shadows are known when they come. Without such frames, or where the site's position is unknown,
+// they are not.
+void learn_targets(std::span<const Bracket> clear, Site& site, const EstimatorOptions& options);
+
 // Never throws for a bad frame: the result then has flags and a reason, and no value.
 FrameResult estimate(const Bracket& bracket, const Site& site, const std::optional<ClearReference>& reference,
                      const EstimatorOptions& options);

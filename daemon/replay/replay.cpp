@@ -166,6 +166,7 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
   run.frames = source.brackets().size();
   const std::vector<Bracket> clear = load_clear_brackets(source, options, run.site, stop);
   run.reference = learn_reference(clear, run.site, options.estimator);
+  learn_targets(clear, run.site, options.estimator);
   if (!clear.empty() && !run.reference)
     run.warnings.push_back("no clear reference could be learned: no lamp of the site file shows in the " +
                            std::to_string(clear.size()) + " clear_reference brackets");

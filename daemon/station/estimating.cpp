@@ -13,13 +13,13 @@ namespace {
 
 constexpr std::chrono::seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
 
-std::optional<ClearReference> learn_from(const CameraConfig& camera, const EstimatorOptions& options) {
-  if (camera.reference_archive.empty()) return std::nullopt;
+std::vector<Bracket> clear_brackets(const CameraConfig& camera) {
   std::vector<Bracket> clear;
+  if (camera.reference_archive.empty()) return clear;
   for (const ArchiveBracket& entry : read_frames_csv(camera.reference_archive))
     if (entry.role == FrameRole::clear_reference)
       clear.push_back(load_bracket(camera.reference_archive, entry, camera.site.camera));
-  return learn_reference(clear, camera.site, options);
+  return clear;
 }
 
 FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup) {
@@ -59,7 +59,9 @@ std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera) {
   auto setup = std::make_shared<CameraSetup>();
   setup->name = camera.name;
   setup->site = camera.site;
-  setup->base = setup->reference = learn_from(camera, setup->estimator);
+  const std::vector<Bracket> clear = clear_brackets(camera);
+  setup->base = setup->reference = learn_reference(clear, setup->site, setup->estimator);
+  learn_targets(clear, setup->site, setup->estimator);
   setup->relearn = camera.relearn;
   if (!setup->reference)
     log(LogLevel::warning, "no clear reference: frames will say no_reference", {{"camera", camera.name}});
