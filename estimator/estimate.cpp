@@ -63,7 +63,11 @@ void estimate_day(const Bracket& bracket, const photometry::RadianceImage& image
     inference::measure_patches(image, site.camera, *site.day_patches, options.relative_humidity,
                                Method::contrast, options.patches, day);
     inference::flag_sun(image, sun, options.day, day.observation);
-    if (day.observation.extinction_per_m) return;
+    inference::flag_window(image, site, day.observation);
+    if (day.observation.extinction_per_m) {
+      inference::widen_for_scene(options.day, day.observation);
+      return;
+    }
   }
   inference::measure_day(image, site, sun, monochrome, options.relative_humidity, options.day, day);
 }

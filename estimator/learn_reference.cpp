@@ -3,17 +3,22 @@
 #include <utility>
 #include <vector>
 
+#include "estimator/inference/day_reference.h"
 #include "estimator/inference/sun.h"
 #include "estimator/photometry/targets.h"
 
 namespace lampglow {
 namespace {
 
+std::optional<double> sun_altitude_deg(TimePoint time_utc, const Site& site) {
+  if (!site.latitude_deg || !site.longitude_deg) return std::nullopt;
+  return inference::sun_position(time_utc, *site.latitude_deg, *site.longitude_deg).altitude_deg;
+}
+
 // Lamps are no yardstick in daylight where there are targets.
 bool for_targets(TimePoint time_utc, const Site& site, const EstimatorOptions& options) {
-  if (!site.latitude_deg || !site.longitude_deg || site.targets.empty()) return false;
-  const auto sun = inference::sun_position(time_utc, *site.latitude_deg, *site.longitude_deg);
-  return sun.altitude_deg > options.combine.glow_full_deg;
+  const auto altitude = sun_altitude_deg(time_utc, site);
+  return altitude && *altitude > options.combine.glow_full_deg && !site.targets.empty();
 }
 
 // What a first look at all brackets gives: where the lamps are, and where the sky ends.
@@ -70,6 +75,18 @@ std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const 
       inference::learn_clear_reference(frames, *layout, site, *inference::halo_model(options.model));
   if (reference) reference->hot_pixels = hot.map();
   return reference;
+}
+
+void learn_targets(const ClearBrackets& clear, Site& site, const EstimatorOptions& options) {
+  if (site.targets.empty()) return;
+  inference::ClearTargetLearner learner(site);
+  for (std::size_t i = 0; i < clear.count; ++i) {
+    const Bracket bracket = clear.load(i);
+    const auto altitude = sun_altitude_deg(bracket.time_utc, site);
+    if (!altitude || inference::contrast_weight(*altitude, options.combine) < 1) continue;
+    const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (!image.empty()) learner.add(image);
+  }
 }
 
 }  // namespace lampglow

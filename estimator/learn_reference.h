@@ -24,4 +24,9 @@ struct ClearBrackets {
 std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const Site& site,
                                               const EstimatorOptions& options);
 
+// The targets as the daylight frames among the clear brackets show them (Target::clear), so that drops on the
+// window and shadows are known when they come. Without such frames, or where the site's position is unknown,
+// they are not.
+void learn_targets(const ClearBrackets& clear, Site& site, const EstimatorOptions& options);
+
 }  // namespace lampglow

@@ -64,6 +64,8 @@ constexpr std::array kRegistry{
                 "Low sun lights the targets; their intrinsic brightness is uncertain."},
     QualityFlag{Quality::shadows, "shadows", "Shadows or bright patches move over the targets."},
     QualityFlag{Quality::snow, "snow", "Targets are brighter than dark targets are: snow or frost."},
+    QualityFlag{Quality::rain_on_window, "rain_on_window",
+                "Parts of the targets are veiled or blurred and others not: drops on the window."},
     QualityFlag{Quality::night_mode, "night_mode",
                 "The camera is in night mode (monochrome, automatic gain)."},
     QualityFlag{Quality::clock_unsynchronised, "clock_unsynchronised",

@@ -51,7 +51,7 @@ enum class Quality : std::uint8_t {
   low_sun = 34,
   shadows = 35,
   snow = 36,
-  // 37 was rain_on_window, which nothing ever set.
+  rain_on_window = 37,
   night_mode = 38,
   // The station.
   clock_unsynchronised = 39,

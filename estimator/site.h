@@ -29,6 +29,13 @@ struct TargetContrast {
   std::array<double, 2> lighting{};  // change of ln contrast with the frame's two common lighting factors
 };
 
+// How a target looked in the clear references, through a dry window: what inference/day_reference.h learns at
+// the start. Over the columns of its box: see inference/window.h.
+struct TargetClear {
+  std::vector<double> sharp, contrast;
+  double halves = 0;  // TargetView::halves
+};
+
 // A dark or textured object for the day.
 struct Target {
   std::string id;
@@ -38,6 +45,7 @@ struct Target {
   std::optional<double> brightness_ratio;  // own brightness over the horizon sky's, 0..1; learned
   std::optional<double> brightness_ratio_sigma;
   std::optional<TargetContrast> contrast;
+  std::optional<TargetClear> clear;  // not in the site file
 };
 
 // What `calibrate` learned about the day as a whole.

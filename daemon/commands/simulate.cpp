@@ -18,6 +18,7 @@ namespace lampglow::daemon {
 namespace {
 
 namespace fs = std::filesystem;
+using simulation::Events;
 using simulation::Luminaire;
 using simulation::NightOptions;
 using simulation::Nuisances;
@@ -26,7 +27,7 @@ using simulation::Style;
 struct SimulateArguments {
   NightOptions night;
   simulation::SimulationRun run;
-  std::vector<std::string> without;
+  std::vector<std::string> without, with;
   bool day = false, night_too = false;
 };
 
@@ -43,6 +44,18 @@ const std::map<std::string, bool Nuisances::*> kNuisances = {
     {"stray-lights", &Nuisances::stray_lights},
     {"hot-pixels", &Nuisances::hot_pixels},
 };
+
+const std::map<std::string, bool Events::*> kEvents = {
+    {"rain-on-window", &Events::rain_on_window},
+    {"shadows", &Events::shadows},
+    {"snow", &Events::snow},
+};
+
+std::vector<std::string> event_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, member] : kEvents) names.push_back(name);
+  return names;
+}
 
 std::vector<std::string> nuisance_names() {
   std::vector<std::string> names = {"all"};
@@ -74,6 +87,8 @@ void refuse_bad_combinations(const SimulateArguments& arguments) {
   }
   if (night.nights > 1 && night.hours != simulation::Hours::night)
     throw UsageError("simulate: --nights is for nights alone, without --day");
+  if (!arguments.with.empty() && night.hours == simulation::Hours::night)
+    throw UsageError("simulate: --with is for the day: it needs --day");
   if (night.clear_nights > 0 && night.mor_max_m <= 12000)
     throw UsageError("simulate: --clear-nights needs a --mor-max above 12000");
   const fs::path& directory = arguments.run.directory;
@@ -99,6 +114,7 @@ void run_simulate(SimulateArguments& arguments) {
   switch_off(arguments.night.nuisances, arguments.without);
   if (arguments.day)
     arguments.night.hours = arguments.night_too ? simulation::Hours::both : simulation::Hours::day;
+  for (const std::string& name : arguments.with) arguments.night.events.*kEvents.at(name) = true;
   refuse_bad_combinations(arguments);
   const StopOnSignal stop;
   int written = 0;
@@ -190,6 +206,9 @@ void add_simulate(CLI::App& program) {
   command->add_option("--without", arguments->without, "Nuisances to leave out, or all")
       ->delimiter(',')
       ->check(CLI::IsMember(nuisance_names()));
+  command->add_option("--with", arguments->with, "What comes over the station for two fifths of the day")
+      ->delimiter(',')
+      ->check(CLI::IsMember(event_names()));
   command->add_option("--photons", arguments->run.photons, "Photons that are counted for each q of the night")
       ->check(CLI::Range(std::uint64_t{1000}, std::uint64_t{1000000000}))
       ->capture_default_str();
@@ -200,6 +219,7 @@ void add_simulate(CLI::App& program) {
       "Examples:\n  lampglow simulate night --seed 7\n"
       "  lampglow simulate webcam --style webcam --frames 20\n"
       "  lampglow simulate day --day\n"
+      "  lampglow simulate wet --day --with rain-on-window\n"
       "  lampglow simulate 24h --day --night --frames 96\n"
       "  lampglow simulate alone --distances 60,100,180,500 --catalogue L3 --mor-min 150 --mor-max 1500");
   command->callback([arguments] { run_simulate(*arguments); });

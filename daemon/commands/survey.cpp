@@ -134,6 +134,19 @@ std::vector<Mark> marks_of(const photometry::Survey& survey,
   return marks;
 }
 
+std::vector<Mark> marks_of(const photometry::DaySurvey& survey) {
+  std::vector<Mark> marks;
+  for (const Target& target : survey.targets) {
+    Mark mark;
+    mark.x_px = target.x_px, mark.y_px = target.y_px;
+    mark.width_px = target.width_px, mark.height_px = target.height_px;
+    mark.label = target.id;
+    mark.colour = Mark::Colour::target;
+    marks.push_back(mark);
+  }
+  return marks;
+}
+
 // Dark and textured places of clear daylight pictures, as [[target]] blocks.
 void survey_targets(const Arguments& arguments) {
   const PlainImage first = load_plain_image(arguments.images.front());
@@ -158,6 +171,7 @@ void survey_targets(const Arguments& arguments) {
     fmt::print("{}", text);
   else
     write_file_atomically(arguments.out, text);
+  if (!arguments.annotated.empty()) write_annotated(arguments.annotated, first.pixels, marks_of(found));
 }
 
 void survey(const Arguments& arguments) {
@@ -195,8 +209,9 @@ void add_survey(CLI::App& program) {
       ->add_option("--camera", arguments->camera,
                    "Site file with [camera]; else it is guessed from the picture")
       ->check(CLI::ExistingFile);
-  command->add_option("--out", arguments->out, "Write the [[light]] blocks here instead of to the terminal");
-  command->add_option("--annotated", arguments->annotated, "Write a PNG with all lamps marked");
+  command->add_option("--out", arguments->out,
+                      "Write the [[light]] or [[target]] blocks here instead of to the terminal");
+  command->add_option("--annotated", arguments->annotated, "Write a PNG with all lamps, or targets, marked");
   command
       ->add_option("--order", arguments->order,
                    "Number lamps from left to right (x) or from the brightest (brightness)")

@@ -165,6 +165,7 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
   run.frames = source.brackets().size();
   const ClearBrackets clear = clear_brackets_until(stop, source, options, run.site);
   run.reference = learn_reference(clear, run.site, options.estimator);
+  learn_targets(clear, run.site, options.estimator);
   if (clear.count > 0 && !run.reference)
     run.warnings.push_back("no clear reference could be learned: no lamp of the site file shows in the " +
                            std::to_string(clear.count) + " clear_reference brackets");

@@ -44,6 +44,18 @@ std::string camera_table(const Sensor& sensor) {
   return text;
 }
 
+// The window's covered part, is there snow, and what part of each target the sun alone shines on (empty: no
+// shadow's edge is near).
+std::string event_truth(const Night& night, const Frame& frame) {
+  std::string text = fmt::format(",{:.3f},{}", covered_part(frame.drops), frame.day.snow.empty() ? 0 : 1);
+  for (size_t t = 0; t < night.targets.size(); ++t) {
+    text += ",";
+    if (t < frame.day.sunlight.size())
+      text += fmt::format("{:.2f}", std::clamp(frame.day.sunlight[t].edge, 0.0, 1.0));
+  }
+  return text;
+}
+
 }  // namespace
 
 void write_picture(const std::filesystem::path& file, const Image<std::uint16_t>& picture) {
@@ -121,6 +133,8 @@ void write_full_truth(const std::filesystem::path& file, const Night& night,
       "rad,"
       "sky_electrons_per_s,sun_altitude_deg,cars,crb_ln_extinction";
   for (const Lamp& lamp : night.lamps) text += ",strength_" + lamp.id;
+  text += ",window_covered,snow";
+  for (const SkylineTarget& target : night.targets) text += ",sunlit_" + target.id;
   text += "\n";
   for (size_t i = 0; i < night.frames.size(); ++i) {
     const Frame& frame = night.frames[i];
@@ -131,7 +145,7 @@ void write_full_truth(const std::filesystem::path& file, const Night& night,
                         frame.sky_electrons_per_s, frame.day.sun.altitude_deg, frame.cars.size(),
                         number(bounds[i]));
     for (const double strength : frame.lamp_strength) text += fmt::format(",{}", strength);
-    text += "\n";
+    text += event_truth(night, frame) + "\n";
   }
   text += "\n";
   text.pop_back();

@@ -147,6 +147,18 @@ Thing thing_at(const Night& night, double x_px, double y_px) {
           kGroundReflectance};
 }
 
+// Of a thing in this column, over the horizon sky's.
+double surface_brightness(const Night& night, const Daylight& day, const Thing& thing, double x_px) {
+  if (!day.snow.empty()) return day.snow[thing.index];
+  double brightness = thing.reflectance * day.target_brightness[thing.index];
+  if (thing.index < day.sunlight.size()) {
+    const SkylineTarget& target = night.targets[thing.index];
+    const Sunlight& sun = day.sunlight[thing.index];
+    if (x_px < target.x_px + sun.edge * target.width_px) brightness *= sun.brightness;
+  }
+  return brightness;
+}
+
 // Horizon sky darkens upwards in clear air and is brighter towards the sun; in fog it is even. Clouds drift.
 double sky_shape(const Night& night, const Frame& frame, double x_px, double y_px) {
   const double elevation_deg = std::max(0.0, (kHorizonRow - y_px) / kFocalLengthPx / radians(1));
@@ -195,7 +207,7 @@ void add_skyline(Image<double>& canvas, const Night& night, const Frame& frame, 
       const double seen =
           std::exp(-frame.extinction_per_m * day.path_extinction[thing.index] * thing.distance_m);
       const double surface =
-          airlight * thing.reflectance * day.target_brightness[thing.index] *
+          airlight * surface_brightness(night, day, thing, x_px) *
           texture(night.options.seed, static_cast<int>(std::floor(x_px)), static_cast<int>(std::floor(y_px)));
       canvas.at(column, row) += surface * seen + behind * day.airlight * (1 - seen);
     }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "daemon/simulation/daylight.h"
+#include "daemon/simulation/events.h"
 #include "daemon/simulation/random.h"
 #include "daemon/simulation/weather.h"
 
@@ -307,6 +308,7 @@ Night plan_night(const NightOptions& options) {
   if (options.nuisances.shake) shake_camera(night);
   if (options.nuisances.cars) drive_cars(night);
   if (options.hours != Hours::night) add_daylight(night);
+  if (options.hours != Hours::night) add_events(night);
   return night;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "daemon/simulation/window.h"
 #include "estimator/observation.h"
 #include "estimator/photometry/exposure.h"
 #include "estimator/time.h"
@@ -34,6 +35,13 @@ struct Nuisances {
   bool hot_pixels = true;
 };
 
+// What comes for a part of the day, where it is asked for (events.h).
+struct Events {
+  bool rain_on_window = false;  // drops and streaks before the lens
+  bool shadows = false;         // the sun shines on a part of each target
+  bool snow = false;            // on targets and ground
+};
+
 // Which part of the clock the frames are spread over.
 enum class Hours { night, day, both };
 
@@ -56,6 +64,7 @@ struct NightOptions {
   double ageing = 0;     // part of their light that all lamps have lost by the last frame, little by little
   double dirt = 0;       // part of all light that the window has lost by then
   Nuisances nuisances{};
+  Events events{};
 };
 
 struct Lamp {
@@ -90,6 +99,12 @@ struct SkylineTarget {
   double reflectance = 0.06;
 };
 
+// The sun on a target whose other part lies in shadow.
+struct Sunlight {
+  double edge = 0;        // of the target's width from its left side; the sun shines left of it
+  double brightness = 1;  // there, against the shadow
+};
+
 // What daylight does in one frame.
 struct Daylight {
   SunAngles sun;
@@ -98,6 +113,8 @@ struct Daylight {
       path_extinction;  // of each target, and of the ground (last): its share of the station's
   std::vector<double> target_brightness;  // of each target, and of the ground: wet, lit, shaded; 1 is usual
   double airlight = 1;                    // of the paths, against the horizon sky
+  std::vector<Sunlight> sunlight;         // of each target; empty: as target_brightness says
+  std::vector<double> snow;  // reflectance of each target, and of the ground, under snow; or empty
 };
 
 struct Frame {
@@ -112,6 +129,7 @@ struct Frame {
   double sky_electrons_per_s = 0;  // a pixel's, at the picture's middle
   std::vector<Car> cars;
   Daylight day;
+  std::vector<Drop> drops;  // on the window
 
   double mor_m() const { return kMorTimesExtinction / extinction_per_m; }
 };

@@ -76,7 +76,7 @@ class ArchiveMaker {
 
   void make_frame(size_t index) {
     const Frame& frame = night_.frames[index];
-    take_pictures(index, renderer_.still_scene(frame));
+    take_pictures(index, seen_through(renderer_.still_scene(frame), frame.drops));
     // The bound knows even lamps, not targets.
     if (night_.options.hours != Hours::night || night_.options.luminaire != Luminaire::even) return;
     std::vector<double> exposures_s = {exposures_s_[index]};

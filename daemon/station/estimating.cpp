@@ -12,11 +12,10 @@ namespace {
 
 constexpr std::chrono::seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
 
-std::optional<ClearReference> learn_from(const CameraConfig& camera, const EstimatorOptions& options) {
-  if (camera.reference_archive.empty()) return std::nullopt;
+ClearBrackets clear_brackets(const CameraConfig& camera) {
   const auto& archive = camera.reference_archive;
-  const Camera& lens = camera.site.camera;
-  return learn_reference(clear_brackets(archive, read_frames_csv(archive), lens), camera.site, options);
+  if (archive.empty()) return {};
+  return clear_brackets(archive, read_frames_csv(archive), camera.site.camera);
 }
 
 FrameResult without_value(const Bracket& bracket, Quality why, std::string reason) {
@@ -67,7 +66,9 @@ std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera) {
   auto setup = std::make_shared<CameraSetup>();
   setup->name = camera.name;
   setup->site = camera.site;
-  setup->base = setup->reference = learn_from(camera, setup->estimator);
+  const ClearBrackets clear = clear_brackets(camera);
+  setup->base = setup->reference = learn_reference(clear, setup->site, setup->estimator);
+  learn_targets(clear, setup->site, setup->estimator);
   setup->relearn = camera.relearn;
   if (!setup->reference)
     log(LogLevel::warning, "no clear reference: frames will say no_reference", {{"camera", camera.name}});

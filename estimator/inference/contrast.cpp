@@ -128,6 +128,31 @@ std::optional<SkyLine> sky_above(const RadianceImage& image, const PixelBox& box
   return sky;
 }
 
+struct DarkPart {
+  double brightness = 0, sigma = 0;
+};
+
+// The scatter of what lies around the quantile tells how well so many pixels determine it; neighbours that
+// share a smoothing square are no two.
+DarkPart dark_part(const RadianceImage& image, const PixelBox& box) {
+  std::vector<double> values = smoothed_pixels(image, box);
+  if (values.size() < 9) return {};
+  constexpr double kSquare_px = (2 * kSmooth_px + 1) * (2 * kSmooth_px + 1);
+  const double independent = std::max(1.0, static_cast<double>(values.size()) / kSquare_px);
+  const double dark = quantile(values, kDarkQuantile);
+  const double scatter = 0.5 * (quantile(values, 0.5) - quantile(values, 0.1));
+  return {dark, 1.3 * scatter / std::sqrt(independent)};
+}
+
+void view_halves(const RadianceImage& image, const PixelBox& box, double sky, TargetView& view) {
+  const int middle = (box.left + box.right) / 2;
+  const DarkPart left = dark_part(image, {box.left, box.top, middle, box.bottom});
+  const DarkPart right = dark_part(image, {middle, box.top, box.right, box.bottom});
+  if (left.sigma <= 0 || right.sigma <= 0) return;
+  view.halves = (left.brightness - right.brightness) / sky;
+  view.halves_sigma = std::hypot(left.sigma, right.sigma) / sky;
+}
+
 // The dark quantile of noise alone lies below its mean; the sky's own dark quantile, taken the same way,
 // tells by how much, so that a target lost in fog has a ratio of 1 and not less.
 void view_brightness(const RadianceImage& image, const PixelBox& box, TargetView& view) {
@@ -154,6 +179,7 @@ void view_brightness(const RadianceImage& image, const PixelBox& box, TargetView
   // The line's own error grows as it is carried on; a quarter of what it was carried by is allowed for.
   const double noise = sky->scatter / std::sqrt(static_cast<double>(height) / 3.0);
   view.brightness_ratio_sigma = std::hypot(noise, 0.25 * sky->slope * reach) / sky_there;
+  view_halves(image, box, sky_there, view);
 }
 
 }  // namespace

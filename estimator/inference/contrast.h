@@ -24,6 +24,10 @@ struct TargetView {
   // sky above the box or it is saturated. One standard deviation of noise and of the sky's unevenness.
   std::optional<double> brightness_ratio;
   double brightness_ratio_sigma = 0;
+  // How much brighter the dark part of the box's left half is than that of its right half, over the sky's
+  // brightness: haze and light that are the same for both take nothing from it but contrast. Empty as above.
+  std::optional<double> halves;
+  double halves_sigma = 0;  // of noise and texture
   // Mean squared luminance gradient within the box, over the sky's brightness squared, per px²; noise
   // included, and the part of it that noise makes.
   double gradient_energy = 0;

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/inference/day_hypotheses.h"
 #include "estimator/inference/weather.h"
+#include "estimator/inference/window.h"
 
 namespace lampglow::inference {
 namespace {
@@ -76,13 +78,45 @@ bool looks_like_snow(const DayView& view, const Site& site, double sigma, const 
   return near > 0 && 2 * bright > near;
 }
 
-void flag_scene(const DayView& view, const Site& site, const ContrastFit& fit, const DayOptions& options,
-                Observation& observation) {
+// Haze takes the same part of both halves' brightness, so what they differ by is light.
+bool halves_differ(const TargetView& seen, const Target& target, double sigma, const DayOptions& options) {
+  if (!seen.halves || !target.clear || !target.distance_m) return false;
+  const double transmission = std::exp(-sigma * *target.distance_m);
+  if (transmission < options.least_transmission) return false;
+  const double change = std::abs(*seen.halves / transmission - target.clear->halves);
+  return change > options.shadow_step && change > options.shadow_z * seen.halves_sigma / transmission;
+}
+
+bool has_shadows(const DayView& view, const Site& site, const ContrastFit& fit, double sigma,
+                 const DayOptions& options) {
   // The lighting factors have unit spread over the time of learning: far outside is light never seen then.
-  if (std::abs(fit.lighting[0]) > 3 || std::abs(fit.lighting[1]) > 3)
+  if (std::abs(fit.lighting[0]) > 3 || std::abs(fit.lighting[1]) > 3) return true;
+  for (size_t i = 0; i < site.targets.size(); ++i)
+    if (halves_differ(view.targets[i], site.targets[i], sigma, options)) return true;
+  return false;
+}
+
+void flag_scene(const DayView& view, const Site& site, const ContrastFit& fit, bool odd,
+                const DayOptions& options, Observation& observation) {
+  // Drops make halves differ too.
+  if (!observation.quality.has(Quality::rain_on_window) &&
+      (odd || has_shadows(view, site, fit, *observation.extinction_per_m, options)))
     observation.quality.set(Quality::shadows);
   if (looks_like_snow(view, site, *observation.extinction_per_m, options))
     observation.quality.set(Quality::snow);
+}
+
+void doubt_wet_targets(const std::vector<TargetWindow>& window, const DayOptions& options, DayView& view) {
+  for (size_t t = 0; t < view.targets.size(); ++t) {
+    const bool clear = window[t].strips > 0 && window[t].weaker == 0;
+    double& sigma = view.targets[t].brightness_ratio_sigma;
+    sigma = std::hypot(sigma, clear ? options.clear_ratio_sigma : options.drops_ratio_sigma);
+  }
+}
+
+double learned_error(const DayOptions& options, QualityFlags flags) {
+  return std::hypot(flags.has(Quality::rain_on_window) ? options.drops_ln_sigma : 0,
+                    flags.has(Quality::sun_in_picture) ? options.glare_ln_sigma : 0);
 }
 
 std::string obstacle(const photometry::RadianceImage& image, const Site& site, std::optional<SunPosition> sun,
@@ -116,6 +150,22 @@ void flag_sun(const photometry::RadianceImage& image, std::optional<SunPosition>
   if (saturated_part(image) > options.saturated_part) observation.quality.set(Quality::sun_in_picture);
 }
 
+void flag_window(const photometry::RadianceImage& image, const Site& site, Observation& observation) {
+  if (rain_on_window(view_window(column_profiles(image, site.targets), site.targets)))
+    observation.quality.set(Quality::rain_on_window);
+}
+
+void widen_for_scene(const DayOptions& options, Observation& observation) {
+  const double error = 1.96 * learned_error(options, observation.quality);
+  if (error <= 0 || observation.limit != Limit::none) return;
+  const double ln = std::log(*observation.extinction_per_m);
+  const auto widen = [&](std::optional<double>& bound, double sign) {
+    if (bound) bound = std::exp(ln + sign * std::hypot(ln - std::log(*bound), error));
+  };
+  widen(observation.extinction_low_per_m, -1);
+  widen(observation.extinction_high_per_m, +1);
+}
+
 std::vector<PosteriorPoint> widened(const std::vector<PosteriorPoint>& posterior, double ln_sigma_error) {
   if (posterior.size() < 2 || ln_sigma_error <= 0) return posterior;
   double least = posterior[0].minus_ln_probability;
@@ -139,8 +189,15 @@ void measure_day(const photometry::RadianceImage& image, const Site& site, std::
   Observation& observation = result.observation;
   result.reason = obstacle(image, site, sun, monochrome, options, observation.quality);
   if (!result.reason.empty()) return;
-  const DayView view = view_targets(image, site.targets, site.day);
-  const ContrastFit fit = fit_contrast(view, site, options.fit);
+  DayView view = view_targets(image, site.targets, site.day);
+  flag_sun(image, sun, options, observation);
+  const std::vector<TargetWindow> window = view_window(column_profiles(image, site.targets), site.targets);
+  if (rain_on_window(window)) {
+    observation.quality.set(Quality::rain_on_window);
+    doubt_wet_targets(window, options, view);
+  }
+  const SceneFit scene = fit_scene(view, site, options, observation.quality);
+  const ContrastFit& fit = scene.fit;
   if (fit.posterior.empty()) {
     observation.quality.set(Quality::unknown_distance);
     result.reason = "no day target has both a known distance and a clear view of the sky above it";
@@ -148,7 +205,9 @@ void measure_day(const photometry::RadianceImage& image, const Site& site, std::
   }
   const bool learned = fit.brightness_targets == 0;
   const std::vector<PosteriorPoint> posterior =
-      widened(fit.posterior, learned && site.day ? site.day->log_extinction_sigma : 0.0);
+      widened(fit.posterior, learned ? std::hypot(site.day ? site.day->log_extinction_sigma : 0.0,
+                                                  learned_error(options, observation.quality))
+                                     : 0.0);
   BoundsOptions bounds_options;
   bounds_options.widest_ratio = learned ? options.widest_ratio_learned : options.widest_ratio;
   SigmaBounds bounds = sigma_bounds(posterior, bounds_options);
@@ -161,8 +220,8 @@ void measure_day(const photometry::RadianceImage& image, const Site& site, std::
   observation.method = Method::contrast;
   observation.lights_used = fit.brightness_targets + fit.contrast_targets;
   if (learned) observation.quality.set(Quality::calibrated_distance);
-  flag_sun(image, sun, options, observation);
-  flag_scene(view, site, fit, options, observation);
+  if (scene.snow) observation.quality.set(Quality::snow);
+  flag_scene(view, site, fit, scene.odd, options, observation);
   fill_weather(bounds, relative_humidity, observation);
 }
 

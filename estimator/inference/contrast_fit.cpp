@@ -1,5 +1,6 @@
 #include "estimator/inference/contrast_fit.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -44,6 +45,7 @@ std::vector<Brightness> brightness_of(const DayView& view, const Site& site,
     b.r0 = target.brightness_ratio.value_or(options.brightness_ratio);
     b.r0_sigma = b.learned ? target.brightness_ratio_sigma.value_or(options.brightness_ratio_sigma)
                            : options.brightness_ratio_sigma;
+    if (options.snow) b.learned = false, b.r0 = options.snow_ratio, b.r0_sigma = options.snow_ratio_sigma;
     used.push_back(b);
   }
   return used;
@@ -68,9 +70,10 @@ std::vector<Texture> textures_of(const DayView& view, const Site& site) {
   return used;
 }
 
-// −ln probability of the brightness ratios at σ. Intrinsic brightness, airlight and unevenness of the haze
-// are integrated out: in the neighbourhood of their priors the model is linear in them, so the ratios are
-// jointly normal with covariance D + u uᵀ + w wᵀ (D diagonal; u, w common intrinsic brightness and airlight).
+// −ln probability of the brightness ratios at σ. Intrinsic brightness, airlight, unevenness of the haze and a
+// veil before the lens are integrated out: in the neighbourhood of their priors the model is linear in them,
+// so the ratios are jointly normal with covariance D + Σ cᵢ cᵢᵀ (D diagonal; c what is common to all targets:
+// intrinsic brightness, airlight, veil).
 struct BrightnessFit {
   double minus_ln_probability = 0;
   std::vector<double> z;  // residual over its marginal standard deviation
@@ -78,25 +81,28 @@ struct BrightnessFit {
 
 BrightnessFit fit_brightness(const std::vector<Brightness>& used, double sigma, const ContrastFitOptions& o) {
   BrightnessFit fit;
-  double uu = 0, ww = 0, uw = 0, ur = 0, wr = 0, rr = 0, ln_det = 0;
+  Eigen::Matrix3d common = Eigen::Matrix3d::Identity();  // I + Cᵀ D⁻¹ C
+  Eigen::Vector3d with_residual = Eigen::Vector3d::Zero();
+  double rr = 0, ln_det = 0;
   for (const Brightness& b : used) {
     const double tau = sigma * b.distance_m, t = std::exp(-tau);
     const double model = airlight_ratio(b.r0, t), residual = b.ratio - model;
     const double by_haze = (1 - b.r0) * t * tau;  // ∂ratio/∂ln τ
-    const double d =
-        b.inflation * (square(b.noise) + square(t * b.r0_sigma) + square(o.airlight_sigma * model) +
-                       square(by_haze) * (square(o.haze_sigma) + square(b.distance_rel_sigma)));
-    const double u = b.learned ? 0.0 : t * o.brightness_ratio_common_sigma,
-                 w = model * o.airlight_common_sigma;
-    uu += u * u / d, ww += w * w / d, uw += u * w / d;
-    ur += u * residual / d, wr += w * residual / d, rr += residual * residual / d;
+    const double d = b.inflation * (square(b.noise) + square(t * b.r0_sigma) +
+                                    square(o.airlight_sigma * model) + square(o.veil_sigma * (1 - model)) +
+                                    square(by_haze) * (square(o.haze_sigma) + square(b.distance_rel_sigma)));
+    const Eigen::Vector3d c(
+        b.learned ? 0.0 : t * (o.snow ? o.snow_ratio_sigma : o.brightness_ratio_common_sigma),
+        model * o.airlight_common_sigma, (1 - model) * o.veil_common_sigma);
+    common += c * c.transpose() / d;
+    with_residual += c * residual / d;
+    rr += residual * residual / d;
     ln_det += std::log(d);
-    fit.z.push_back(residual / std::sqrt(d + u * u + w * w));
+    fit.z.push_back(residual / std::sqrt(d + c.squaredNorm()));
   }
-  // Woodbury with the 2x2 matrix I + [u w]ᵀ D⁻¹ [u w].
-  const double a = 1 + uu, c = 1 + ww, det = a * c - uw * uw;
-  const double explained = (c * ur * ur - 2 * uw * ur * wr + a * wr * wr) / det;
-  fit.minus_ln_probability = 0.5 * (rr - explained + ln_det + std::log(det));
+  // Woodbury.
+  const double explained = with_residual.dot(common.inverse() * with_residual);
+  fit.minus_ln_probability = 0.5 * (rr - explained + ln_det + std::log(common.determinant()));
   return fit;
 }
 
@@ -181,6 +187,8 @@ ContrastFit fit_contrast(const DayView& view, const Site& site, const ContrastFi
                                fit.posterior.begin());
     if (brightness.size() < 3) break;
     const BrightnessFit at_best = fit_brightness(brightness, std::exp(fit.posterior[best].ln_sigma), options);
+    if (round == 0)
+      for (const double z : at_best.z) fit.worst_z = std::max(fit.worst_z, std::abs(z));
     for (size_t i = 0; i < brightness.size(); ++i)
       brightness[i].inflation *= 1 + square(at_best.z[i]) / square(options.outlier_z) > 2
                                      ? square(at_best.z[i] / options.outlier_z)

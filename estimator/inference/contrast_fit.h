@@ -20,11 +20,20 @@ struct ContrastFitOptions {
   double brightness_ratio = 0.08;
   double brightness_ratio_sigma = 0.03;         // of each target
   double brightness_ratio_common_sigma = 0.03;  // of all alike: the sun's height and direction
-  double airlight_sigma = 0.006;                // E∞ over the sky measured above the target, each target
-  double airlight_common_sigma = 0.006;         // and all alike
-  double haze_sigma = 0.04;                     // relative unevenness of σ between the paths
-  double lighting_sigma = 1.0;                  // of the lighting factors
-  double outlier_z = 2.0;                       // residuals beyond weigh less (Cauchy)
+  // Under snow or frost, whatever was learned without it: fresh snow in the open has 0.8 to 0.9, a snowy
+  // forest 0.3 to 0.7 (Middleton 1952, ch. 4).
+  bool snow = false;
+  double snow_ratio = 0.65;
+  double snow_ratio_sigma = 0.12;        // of each target, and of all alike
+  double airlight_sigma = 0.006;         // E∞ over the sky measured above the target, each target
+  double airlight_common_sigma = 0.006;  // and all alike
+  double haze_sigma = 0.04;              // relative unevenness of σ between the paths
+  // Contrast lost, as a part of it, before the lens: drops and glare lay a veil over target and sky. None as
+  // long as nothing says so.
+  double veil_sigma = 0;         // of each target
+  double veil_common_sigma = 0;  // of all alike
+  double lighting_sigma = 1.0;   // of the lighting factors
+  double outlier_z = 2.0;        // residuals beyond weigh less (Cauchy)
 };
 
 struct ContrastFit {
@@ -32,6 +41,7 @@ struct ContrastFit {
   int brightness_targets = 0;             // that the posterior rests on
   int contrast_targets = 0;
   std::array<double, 2> lighting{};  // at the best point
+  double worst_z = 0;                // of a brightness against the others, where there are three or more
 };
 
 ContrastFit fit_contrast(const DayView& view, const Site& site, const ContrastFitOptions& options = {});

@@ -79,6 +79,36 @@ TEST(SurveyCommand, WritesLightsThatTheSiteFileTakes) {
   EXPECT_NE(cv::countNonZero(annotated.reshape(1) > 0), 0);
 }
 
+// A bright sky down to row 70, dark woods to row 110, a smooth field below.
+TEST(SurveyCommand, ByDayItWritesTargetsThatTheSiteFileTakesAndMarksThem) {
+  const test::TemporaryFolder folder;
+  std::mt19937_64 random(5), woods(1);
+  std::normal_distribution<double> normal;
+  Image<double> truth(240, 160, 10000.0);
+  for (int y = 70; y < 160; ++y)
+    for (int x = 0; x < 240; ++x) truth.at(x, y) = y < 110 ? 900 * std::exp(0.4 * normal(woods)) : 3000;
+  const auto file = folder.path() / "day.png", out = folder.path() / "targets.toml",
+             picture = folder.path() / "targets.png";
+  write_png(file, scene::expose(truth, scene::camera_12_bit(240, 160), 1, 0.269, 0.8, random), CV_16U);
+  const Outcome result =
+      run("survey --day " + file.string() + " --camera " + folder.write("site.toml", kSite).string() +
+          " --out " + out.string() + " --annotated " + picture.string());
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  const Site read = daemon::read_site_file(folder.write("all.toml", kSite + test::read_all(out)));
+  ASSERT_GE(read.targets.size(), 16U) << test::read_all(out);
+  const cv::Mat annotated = cv::imread(picture.string(), cv::IMREAD_COLOR);
+  ASSERT_EQ(annotated.cols, 480);
+  // The left edge of a target's box has the targets' colour; the grey picture has none.
+  const Target& target = read.targets.front();
+  int coloured = 0;
+  for (int y = static_cast<int>(2 * target.y_px); y < static_cast<int>(2 * (target.y_px + target.height_px));
+       ++y) {
+    const auto pixel = annotated.at<cv::Vec3b>(y, static_cast<int>(2 * target.x_px));
+    coloured += pixel[0] > pixel[2] + 60;
+  }
+  EXPECT_GT(coloured, target.height_px);
+}
+
 TEST(SurveyCommand, ComplainsInWords) {
   const test::TemporaryFolder folder;
   std::mt19937_64 random(2);

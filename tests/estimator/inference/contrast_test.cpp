@@ -4,6 +4,7 @@
 #include <iostream>
 
 #include "estimator/inference/contrast_day.h"
+#include "estimator/inference/day_reference.h"
 #include "tests/estimator/inference/day_scene.h"
 
 namespace lampglow::inference {
@@ -13,10 +14,49 @@ using lampglow::testing::day_scene;
 using lampglow::testing::DayScene;
 using lampglow::testing::draw_day;
 
-FrameResult measure(const DayScene& scene, const photometry::RadianceImage& image) {
+FrameResult measure(const DayScene& scene, const photometry::RadianceImage& image, double altitude_deg = 30) {
   FrameResult result;
-  measure_day(image, scene.site, SunPosition{30, 180}, true, std::nullopt, {}, result);
+  measure_day(image, scene.site, SunPosition{altitude_deg, 180}, true, std::nullopt, {}, result);
   return result;
+}
+
+// Do the 95 % bounds, or the limit, hold?
+bool holds(const Observation& o, double mor) {
+  if (o.limit != Limit::none) return o.limit == Limit::above ? mor >= *o.mor_m() : mor <= *o.mor_m();
+  return mor >= o.mor_low_m().value_or(0) && mor <= o.mor_high_m().value_or(1e9);
+}
+
+// The sky above a target's box, without its noise.
+double sky_above(const photometry::RadianceImage& image, const Target& box) {
+  double sum = 0;
+  int n = 0;
+  for (int y = static_cast<int>(box.y_px) - 14; y < static_cast<int>(box.y_px) - 4; ++y)
+    for (int x = static_cast<int>(box.x_px); x < static_cast<int>(box.x_px + box.width_px); ++x)
+      sum += image.radiance.at(x, y), ++n;
+  return sum / n;
+}
+
+// A target's own light, from one part of its box's width to another, times `factor`; the airlight before it
+// stays.
+void relight(photometry::RadianceImage& image, const DayScene& scene, size_t target, double sigma,
+             double from, double to, double factor) {
+  const Target& box = scene.site.targets[target];
+  const double airlight = (1 - std::exp(-sigma * scene.distances_m[target])) * sky_above(image, box);
+  const int left = static_cast<int>(box.x_px), top = static_cast<int>(box.y_px);
+  for (int y = top + 4; y < top + static_cast<int>(box.height_px); ++y)
+    for (int x = left + static_cast<int>(from * box.width_px); x < left + static_cast<int>(to * box.width_px);
+         ++x) {
+      float& value = image.radiance.at(x, y);
+      value = static_cast<float>(airlight + factor * (value - airlight));
+    }
+}
+
+// Learns the targets from two clear frames.
+DayScene known_scene(const std::vector<double>& distances_m, std::mt19937_64& random) {
+  DayScene scene = day_scene(distances_m);
+  ClearTargetLearner learner(scene.site);
+  for (int frame = 0; frame < 2; ++frame) learner.add(draw_day(scene, kMorTimesExtinction / 25e3, random));
+  return scene;
 }
 
 double wmo_allowed(double mor) {
@@ -163,6 +203,119 @@ TEST(ContrastDay, SnowOnTheNearTargetsIsFlaggedAndDoesNotPassForFog) {
   EXPECT_TRUE(snowy.quality.has(Quality::snow));
   ASSERT_TRUE(snowy.mor_m());
   EXPECT_GT(*snowy.mor_m(), 4000);
+}
+
+// Broken clouds: the sun on one half of a target. Flagged where it is seen, in clear air; the bounds hold
+// everywhere.
+TEST(ContrastDay, ShadowsAreFlaggedAndTheBoundsHold) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> uniform;
+  const DayScene scene = known_scene({150, 500, 1400, 4000}, random);
+  int flagged = 0, falsely = 0, held = 0;
+  constexpr int kScenes = 60;
+  for (int i = 0; i < kScenes; ++i) {
+    const double mor = 800 * std::pow(10.0, (i + 0.5) / kScenes), sigma = kMorTimesExtinction / mor;
+    photometry::RadianceImage image = draw_day(scene, sigma, random);
+    falsely += measure(scene, image).observation.quality.has(Quality::shadows);
+    relight(image, scene, i % 2, sigma, 0.5 * (i / 2 % 2), 0.5 + 0.5 * (i / 2 % 2),
+            2.5 + 1.5 * uniform(random));
+    const Observation o = measure(scene, image).observation;
+    flagged += o.quality.has(Quality::shadows);
+    held += holds(o, mor);
+  }
+  std::cout << "shadows flagged " << flagged << ", falsely " << falsely << ", bounds held " << held << " of "
+            << kScenes << "\n";
+  EXPECT_GE(flagged, kScenes * 8 / 10);
+  EXPECT_LE(falsely, 2);
+  EXPECT_GE(held, kScenes * 9 / 10);
+}
+
+// Lit from the side or from behind the camera: up to three times as bright as usual, all alike.
+TEST(ContrastDay, LowSunOnTheTargetsKeepsTheBoundsTrue) {
+  const DayScene scene = day_scene({150, 500, 1400, 4000});
+  std::mt19937_64 random(12);
+  std::uniform_real_distribution<double> uniform;
+  int held = 0;
+  double width = 0, usual_width = 0;
+  constexpr int kScenes = 60;
+  for (int i = 0; i < kScenes; ++i) {
+    const double mor = 200 * std::pow(40.0, (i + 0.5) / kScenes);
+    const double lit = 1 + 2 * uniform(random);
+    const photometry::RadianceImage image = draw_day(scene, kMorTimesExtinction / mor, random, 4, lit);
+    const Observation low = measure(scene, image, 4).observation,
+                      high = measure(scene, image, 30).observation;
+    EXPECT_TRUE(low.quality.has(Quality::low_sun));
+    held += holds(low, mor);
+    if (low.limit != Limit::none || high.limit != Limit::none) continue;
+    width += std::log(*low.mor_high_m() / *low.mor_low_m());
+    usual_width += std::log(*high.mor_high_m() / *high.mor_low_m());
+  }
+  std::cout << "low sun: bounds held " << held << " of " << kScenes << ", " << width / usual_width
+            << " times as wide as usual\n";
+  EXPECT_GE(held, kScenes * 9 / 10);
+  EXPECT_GT(width, 1.05 * usual_width);
+}
+
+// Glare lies over target and sky alike, and passes for haze.
+TEST(ContrastDay, TheSunsGlareKeepsTheBoundsTrue) {
+  const DayScene scene = day_scene({150, 500, 1400, 4000});
+  std::mt19937_64 random(13);
+  std::uniform_real_distribution<double> uniform;
+  int held = 0;
+  constexpr int kScenes = 60;
+  for (int i = 0; i < kScenes; ++i) {
+    const double mor = 200 * std::pow(40.0, (i + 0.5) / kScenes);
+    photometry::RadianceImage image = draw_day(scene, kMorTimesExtinction / mor, random);
+    const float glare = static_cast<float>((0.05 + 0.2 * uniform(random)) * image.radiance.at(160, 100));
+    for (float& value : image.radiance.pixels) value += glare;
+    for (int y = 0; y < 52; ++y)
+      for (int x = 0; x < image.mask.width_px; ++x) image.mask.at(x, y) |= photometry::kSaturated;
+    const Observation o = measure(scene, image).observation;
+    EXPECT_TRUE(o.quality.has(Quality::sun_in_picture));
+    held += holds(o, mor);
+  }
+  std::cout << "glare: bounds held " << held << " of " << kScenes << "\n";
+  EXPECT_GE(held, kScenes * 9 / 10);
+}
+
+// All targets white: no single one is odd.
+TEST(ContrastDay, SnowOnAllTargetsIsToldFromFog) {
+  const DayScene scene = day_scene({150, 500, 1400, 4000});
+  std::mt19937_64 random(14);
+  std::uniform_real_distribution<double> uniform;
+  int flagged = 0, held = 0;
+  constexpr int kScenes = 40;
+  for (int i = 0; i < kScenes; ++i) {
+    const double mor = 2000 * std::pow(5.0, (i + 0.5) / kScenes), sigma = kMorTimesExtinction / mor;
+    photometry::RadianceImage image = draw_day(scene, sigma, random);
+    const double depth = 0.55 + 0.25 * uniform(random);
+    for (size_t t = 0; t < 4; ++t) {
+      const Target& box = scene.site.targets[t];
+      const double airlight = image.radiance.at(static_cast<int>(box.x_px), static_cast<int>(box.y_px) - 10);
+      const double transmission = std::exp(-sigma * scene.distances_m[t]),
+                   own = depth * (0.9 + 0.2 * uniform(random));
+      for (int y = static_cast<int>(box.y_px) + 4; y < static_cast<int>(box.y_px + box.height_px); ++y)
+        for (int x = static_cast<int>(box.x_px); x < static_cast<int>(box.x_px + box.width_px); ++x)
+          image.radiance.at(x, y) += static_cast<float>(airlight * transmission * (own - 0.08));
+    }
+    const Observation o = measure(scene, image).observation;
+    flagged += o.quality.has(Quality::snow);
+    held += holds(o, mor);
+  }
+  std::cout << "snow flagged " << flagged << ", bounds held " << held << " of " << kScenes << "\n";
+  EXPECT_GE(flagged, kScenes * 9 / 10);
+  EXPECT_GE(held, kScenes * 9 / 10);
+}
+
+TEST(ContrastDay, FogIsNotTakenForSnow) {
+  const DayScene scene = day_scene({150, 500, 1400, 4000});
+  std::mt19937_64 random(15);
+  for (int i = 0; i < 40; ++i) {
+    const double mor = 50 * std::pow(100.0, (i + 0.5) / 40);
+    EXPECT_FALSE(measure(scene, draw_day(scene, kMorTimesExtinction / mor, random))
+                     .observation.quality.has(Quality::snow))
+        << mor;
+  }
 }
 
 TEST(ContrastDay, SaysWhyThereIsNoValue) {

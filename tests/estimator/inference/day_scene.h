@@ -34,9 +34,10 @@ inline DayScene day_scene(const std::vector<double>& distances_m) {
   return scene;
 }
 
-// `sky_shows`: rows of sky in the upper part of each target's box.
+// `sky_shows`: rows of sky in the upper part of each target's box. `lit`: times the targets' usual
+// brightness.
 inline photometry::RadianceImage draw_day(const DayScene& scene, double sigma, std::mt19937_64& random,
-                                          int sky_shows = 4) {
+                                          int sky_shows = 4, double lit = 1) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform;
   const int width = scene.site.camera.width_px, height = scene.site.camera.height_px, horizon = 122;
@@ -56,7 +57,7 @@ inline photometry::RadianceImage draw_day(const DayScene& scene, double sigma, s
     }
   for (size_t i = 0; i < scene.distances_m.size(); ++i) {
     const Target& box = scene.site.targets[i];
-    const double own = 0.02 + 0.06 * sun + 0.07 * uniform(random);
+    const double own = lit * (0.02 + 0.06 * sun + 0.07 * uniform(random));
     const double t = std::exp(-sigma * (1 + 0.05 * normal(random)) * scene.distances_m[i]);
     const double horizon_there = airlight * (1 + 0.005 * normal(random));
     for (int y = static_cast<int>(box.y_px) + sky_shows; y < static_cast<int>(box.y_px + box.height_px); ++y)
