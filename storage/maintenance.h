@@ -40,7 +40,8 @@ std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint
 // StorageError where it cannot even be opened.
 std::string check(const std::filesystem::path& database, bool full);
 
-// VACUUM: rewrites the file, migrated if it is an older one. Needs its size once more on the disk; waits for no writer.
+// VACUUM: rewrites the file, migrated if it is an older one. Needs its size once more on the disk; waits for
+// no writer.
 void vacuum(const std::filesystem::path& database);
 
 }  // namespace lampglow::storage
