@@ -102,7 +102,7 @@ std::string rows_of(SQLite::Database& database, const Columns& columns) {
   std::string out;
   for (const auto& [table, names] : columns) {
     SQLite::Statement rows(database, "SELECT " + names + " FROM \"" + table + "\" ORDER BY 1");
-    while (rows.executeStep()) out += table + ": " + rows.getColumn(0).getString() + "\n";
+    while (rows.executeStep()) (((out += table) += ": ") += rows.getColumn(0).getString()) += "\n";
   }
   return out;
 }

@@ -21,7 +21,6 @@ using namespace std::chrono_literals;
 using std::chrono::steady_clock;
 using test::read_all;
 using test::run_program;
-using ::testing::HasSubstr;
 
 // What systemd would hear.
 class NotifySocket {
