@@ -72,6 +72,9 @@ struct LampFit {
   std::optional<double> strength_ratio;     // fitted strength over the reference's
   std::optional<double> optical_thickness;  // σR
   std::optional<double> residual_rms;       // of the fit, in standard deviations
+  // ln of its halo's strength in fog over the reference's, as this frame's picture alone says: without the
+  // fit's prior. Empty where the picture tells nothing of it.
+  std::optional<double> ln_halo, ln_halo_sigma;
   RingProfile profile;
 };
 

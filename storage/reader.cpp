@@ -212,7 +212,7 @@ std::vector<LampFitRow> Reader::fits(CameraNumber camera, std::optional<TimePoin
   return guarded(impl_->file, [&] {
     const auto lease = impl_->ask(
         "SELECT time_ms, name, state, x_px, y_px, distance_m, strength_ratio, optical_thickness, "
-        "residual_rms "
+        "residual_rms, ln_halo, ln_halo_sigma "
         "FROM lamp_fit JOIN lamp ON lamp.id = lamp_id WHERE lamp_fit.camera_id = ?1 AND time_ms = "
         "coalesce(?2, (SELECT max(time_ms) FROM lamp_fit WHERE camera_id = ?1)) ORDER BY lamp_id",
         camera, time ? std::optional(to_ms(*time)) : std::nullopt);
@@ -229,6 +229,8 @@ std::vector<LampFitRow> Reader::fits(CameraNumber camera, std::optional<TimePoin
       entry.fit.strength_ratio = row.maybe_real();
       entry.fit.optical_thickness = row.maybe_real();
       entry.fit.residual_rms = row.maybe_real();
+      entry.fit.ln_halo = row.maybe_real();
+      entry.fit.ln_halo_sigma = row.maybe_real();
       out.push_back(entry);
     }
     return out;

@@ -26,8 +26,8 @@ struct ReferenceReader::Impl {
 namespace {
 
 constexpr const char* kReferenceColumns =
-    "SELECT id, valid_from_ms, origin, base_ms, frames, hours, mor_low_m, ln_common, restored_id FROM "
-    "reference ";
+    "SELECT id, valid_from_ms, origin, base_ms, frames, hours, mor_low_m, ln_common, restored_id, "
+    "halo_frames FROM reference ";
 
 ReferenceRecord read_reference(SQLite::Statement& statement) {
   RowReader row(statement);
@@ -41,6 +41,7 @@ ReferenceRecord read_reference(SQLite::Statement& statement) {
   reference.mor_low_m = row.maybe_real();
   reference.ln_common = row.maybe_real();
   reference.restored_number = row.maybe_integer();
+  reference.halo_frames = row.small();
   return reference;
 }
 
@@ -86,13 +87,15 @@ std::optional<ReferenceRecord> ReferenceReader::reference(CameraNumber camera,
     }
     if (!out) return out;
     SQLite::Statement rows = impl_->ask(
-        "SELECT name, strength, ln_relearned, relearned_ms FROM reference_lamp WHERE reference_id = ? "
-        "ORDER BY name",
+        "SELECT name, strength, ln_relearned, relearned_ms, ln_halo, halo_ms FROM reference_lamp WHERE "
+        "reference_id = ? ORDER BY name",
         out->number);
     while (rows.executeStep()) {
       RowReader row(rows);
-      ReferenceLampRecord lamp{row.text(), row.real(), row.real(), {}};
+      ReferenceLampRecord lamp{row.text(), row.real(), row.real(), {}, 0, {}};
       if (const auto time = row.maybe_integer()) lamp.relearned_utc = from_ms(*time);
+      lamp.ln_halo = row.real();
+      if (const auto time = row.maybe_integer()) lamp.halo_utc = from_ms(*time);
       out->lamps.push_back(std::move(lamp));
     }
     return out;

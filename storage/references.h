@@ -24,6 +24,8 @@ struct ReferenceLampRecord {
   double strength = 0;      // radiance times px², in clear air
   double ln_relearned = 0;  // of strength over what the clear brackets gave
   std::optional<TimePoint> relearned_utc;
+  double ln_halo = 0;  // of its halo's strength over an even lamp's, against the mean of all lamps
+  std::optional<TimePoint> halo_utc;
 };
 
 // A camera's clear reference from a time on.
@@ -32,11 +34,12 @@ struct ReferenceRecord {
   TimePoint valid_from_utc{};
   ReferenceOrigin origin = ReferenceOrigin::clear_brackets;
   TimePoint base_utc{};  // of the newest clear bracket that it rests on
-  int frames = 0;        // that taught this step
+  int frames = 0;        // that taught the strengths of this step
   double hours = 0;
   std::optional<double> mor_low_m;  // the lowest of their lower bounds
   std::optional<double> ln_common;  // what all lamps had lost or won
   std::optional<std::int64_t> restored_number;
+  int halo_frames = 0;  // of haze and fog, that taught the halos of this step
   std::vector<ReferenceLampRecord> lamps;
 };
 

@@ -177,7 +177,22 @@ CREATE TABLE reference_lamp (
 ) STRICT, WITHOUT ROWID;
 )sql";
 
-constexpr std::array kMigrations = {kVersion1, kVersion2, kVersion3};
+// What nights in fog teach of each lamp's halo: street lights send most of their light elsewhere than towards
+// the camera.
+constexpr const char* kVersion4 = R"sql(
+ALTER TABLE lamp_fit ADD COLUMN
+  ln_halo REAL /* halo strength in fog (q 0.87) over the reference's, by this frame alone; NULL: not told */;
+ALTER TABLE lamp_fit ADD COLUMN
+  ln_halo_sigma REAL /* its standard deviation */;
+ALTER TABLE reference ADD COLUMN
+  halo_frames INTEGER NOT NULL DEFAULT 0 /* frames of haze and fog that taught this step */;
+ALTER TABLE reference_lamp ADD COLUMN
+  ln_halo REAL NOT NULL DEFAULT 0 /* halo strength in fog (q 0.87) over an even lamp's, against the mean of all lamps' */;
+ALTER TABLE reference_lamp ADD COLUMN
+  halo_ms INTEGER /* when ln_halo last changed; NULL: never */;
+)sql";
+
+constexpr std::array kMigrations = {kVersion1, kVersion2, kVersion3, kVersion4};
 
 }  // namespace
 

@@ -131,9 +131,10 @@ void Store::Impl::put_references(CameraNumber camera, std::int64_t time_ms) {
 void Store::Impl::put_lamp(CameraNumber camera, std::int64_t time_ms, const LampFit& lamp) {
   const std::int64_t number = lamp_number(camera, lamp.id);
   run("INSERT OR REPLACE INTO lamp_fit (camera_id, time_ms, lamp_id, state, x_px, y_px, distance_m, "
-      "strength_ratio, optical_thickness, residual_rms) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+      "strength_ratio, optical_thickness, residual_rms, ln_halo, ln_halo_sigma) VALUES (?, ?, ?, ?, ?, ?, ?, "
+      "?, ?, ?, ?, ?)",
       camera, time_ms, number, static_cast<int>(lamp.state), lamp.x_px, lamp.y_px, lamp.distance_m,
-      lamp.strength_ratio, lamp.optical_thickness, lamp.residual_rms);
+      lamp.strength_ratio, lamp.optical_thickness, lamp.residual_rms, lamp.ln_halo, lamp.ln_halo_sigma);
   if (!options.keep_ring_profiles || lamp.profile.theta_deg.empty()) return;
   SQLite::Statement& insert = statement(
       "INSERT OR REPLACE INTO ring_profile (camera_id, time_ms, lamp_id, ring_count, rings) VALUES (?, ?, ?, "
@@ -265,17 +266,18 @@ std::int64_t Store::put_reference(CameraNumber camera, const ReferenceRecord& re
     impl_->begin();
     impl_->run(
         "INSERT INTO reference (camera_id, valid_from_ms, origin, base_ms, frames, hours, mor_low_m, "
-        "ln_common, restored_id) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "ln_common, restored_id, halo_frames) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         camera, to_ms(reference.valid_from_utc), static_cast<int>(reference.origin),
         to_ms(reference.base_utc), reference.frames, reference.hours, reference.mor_low_m,
-        reference.ln_common, reference.restored_number);
+        reference.ln_common, reference.restored_number, reference.halo_frames);
     const std::int64_t number = impl_->database.getLastInsertRowid();
     for (const ReferenceLampRecord& lamp : reference.lamps)
       impl_->run(
-          "INSERT INTO reference_lamp (reference_id, name, strength, ln_relearned, relearned_ms) "
-          "VALUES (?, ?, ?, ?, ?)",
+          "INSERT INTO reference_lamp (reference_id, name, strength, ln_relearned, relearned_ms, ln_halo, "
+          "halo_ms) VALUES (?, ?, ?, ?, ?, ?, ?)",
           number, lamp.id, lamp.strength, lamp.ln_relearned,
-          lamp.relearned_utc ? std::optional(to_ms(*lamp.relearned_utc)) : std::nullopt);
+          lamp.relearned_utc ? std::optional(to_ms(*lamp.relearned_utc)) : std::nullopt, lamp.ln_halo,
+          lamp.halo_utc ? std::optional(to_ms(*lamp.halo_utc)) : std::nullopt);
     impl_->commit();
     return number;
   });

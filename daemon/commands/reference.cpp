@@ -34,8 +34,13 @@ std::string evidence(const ReferenceRecord& reference) {
       reference.mor_low_m ? fmt::format(", visibility above {:.0f} m", *reference.mor_low_m) : "";
   if (reference.origin == ReferenceOrigin::clear_brackets)
     return fmt::format("{} clear brackets", reference.frames);
-  return fmt::format("{} frames over {:.1f} h{}; all lamps together {}", reference.frames, reference.hours,
-                     above, percent(reference.ln_common.value_or(0)));
+  std::string text;
+  if (reference.frames > 0)
+    text = fmt::format("{} frames over {:.1f} h{}; all lamps together {}", reference.frames, reference.hours,
+                       above, percent(reference.ln_common.value_or(0)));
+  if (reference.halo_frames == 0) return text;
+  return text + fmt::format("{}halos from {} frames of haze and fog", text.empty() ? "" : "; ",
+                            reference.halo_frames);
 }
 
 void print_line(const ReferenceRecord& reference) {
@@ -64,10 +69,16 @@ void show(const Arguments& a) {
   storage::Reader reader(a.database);
   const ReferenceRecord reference = wanted(camera_of(reader, a.camera).number, a);
   print_line(reference);
-  fmt::print("\n{:<12} {:>14} {:>18}  {}\n", "lamp", "strength", "against the first", "last changed");
+  const auto when = [](const std::optional<TimePoint>& time) {
+    return time ? format_time_utc(*time) : "never";
+  };
+  constexpr const char* kRow = "{:<12} {:>14} {:>18}  {:<24} {:>14}  {}\n";
+  fmt::print("\n");
+  fmt::print(fmt::runtime(kRow), "lamp", "strength", "against the first", "last changed", "halo strength",
+             "last changed");
   for (const storage::ReferenceLampRecord& lamp : reference.lamps)
-    fmt::print("{:<12} {:>14.6g} {:>18}  {}\n", lamp.id, lamp.strength, percent(lamp.ln_relearned),
-               lamp.relearned_utc ? format_time_utc(*lamp.relearned_utc) : "never");
+    fmt::print(fmt::runtime(kRow), lamp.id, fmt::format("{:.6g}", lamp.strength), percent(lamp.ln_relearned),
+               when(lamp.relearned_utc), fmt::format("{:.3f}", std::exp(lamp.ln_halo)), when(lamp.halo_utc));
 }
 
 void restore(const Arguments& a) {
@@ -83,6 +94,7 @@ void restore(const Arguments& a) {
   reference.origin = ReferenceOrigin::restored;
   reference.restored_number = reference.number;
   reference.frames = 0;
+  reference.halo_frames = 0;
   reference.hours = 0;
   reference.mor_low_m.reset();
   reference.ln_common.reset();
@@ -116,7 +128,7 @@ void add_reference(CLI::App& program) {
     return sub;
   };
   part("list", "All references of a camera, oldest first, and what taught them", list);
-  part("show", "The strength of every lamp in one of them", show)
+  part("show", "The strength of every lamp and of its halo in one of them", show)
       ->add_option("NUMBER", a->number, "As `list` shows it; the one in force if not given")
       ->check(CLI::Range(std::int64_t{1}, std::int64_t{1} << 60));
   part("restore", "Go back to one of them; nothing is deleted", restore)

@@ -149,7 +149,7 @@ void add_replay(CLI::App& program) {
   command->add_option("--model", a->model, "Scattering model of the lamps' halos")
       ->check(CLI::IsMember({"table", "apsf_series", "single", "diffusion"}))
       ->capture_default_str();
-  command->add_flag("--relearn", a->relearn, "Let clear nights teach the reference slowly, as serve does");
+  command->add_flag("--relearn", a->relearn, "Let nights teach the reference slowly, as serve does");
   command->add_option("--report", a->report, "Write a report as one HTML file")->type_name("FILE");
   command->add_option("--workers", a->workers, "Threads that estimate; the cores if not given")
       ->check(CLI::Range(1, 1024))

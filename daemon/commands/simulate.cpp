@@ -32,8 +32,8 @@ struct SimulateArguments {
 };
 
 const std::map<std::string, Style> kStyles = {{"bracket", Style::bracket}, {"webcam", Style::webcam}};
-const std::map<std::string, Luminaire> kLuminaires = {{"even", Luminaire::even},
-                                                      {"cutoff", Luminaire::cutoff}};
+const std::map<std::string, Luminaire> kLuminaires = {
+    {"even", Luminaire::even}, {"cutoff", Luminaire::cutoff}, {"mixed", Luminaire::mixed}};
 const std::map<std::string, bool Nuisances::*> kNuisances = {
     {"gain-drift", &Nuisances::gain_drift},
     {"lamp-drift", &Nuisances::lamp_drift},
@@ -172,8 +172,10 @@ void add_simulate(CLI::App& program) {
   command
       ->add_option_function<std::string>(
           "--luminaire", [&night](const std::string& name) { night.luminaire = kLuminaires.at(name); },
-          "even: the same light all round; cutoff: a disc that faces down over a ground of albedo 0.2 (slow)")
-      ->check(CLI::IsMember({"even", "cutoff"}))
+          "even: the same light all round; cutoff: a disc that faces down over a ground of albedo 0.2 "
+          "(slow); "
+          "mixed: every second lamp cut-off")
+      ->check(CLI::IsMember({"even", "cutoff", "mixed"}))
       ->default_str("even");
   command->add_flag("--day", arguments->day, "By day: dark targets against the horizon sky");
   command->add_flag("--night", arguments->night_too, "With --day: the whole 24 hours");

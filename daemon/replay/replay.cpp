@@ -141,12 +141,12 @@ class Nights {
 // What the night taught, if anything: on record, and in force from now on.
 void settle(inference::Relearner& relearner, ReplayResult& run, Writer& writer) {
   const auto settled = relearner.settle();
-  if (!settled || !settled->lesson.learned()) return;
+  if (!settled || !settled->learned()) return;
   const ClearReference& reference = relearner.reference();
-  run.relearned.push_back({settled->valid_from, settled->lesson, reference});
-  writer.put_reference(reference_record(reference, settled->lesson, settled->valid_from));
+  run.relearned.push_back({*settled, reference});
+  writer.put_reference(reference_record(reference, *settled));
   writer.put_event({0, settled->valid_from, storage::EventKind::reference_learned, storage::Severity::info,
-                    run.site.name, lesson_text(reference, settled->lesson)});
+                    run.site.name, lesson_text(reference, *settled)});
 }
 
 std::size_t worker_count(const ReplayOptions& options) {
@@ -208,7 +208,7 @@ ReplayResult run_replay(const ReplayOptions& options, std::stop_token stop, cons
 const std::optional<ClearReference>& ReplayResult::reference_at(TimePoint time) const {
   const std::optional<ClearReference>* found = &reference;
   for (const RelearnedReference& later : relearned)
-    if (later.valid_from <= time) found = &later.reference;
+    if (later.settled.valid_from <= time) found = &later.reference;
   return *found;
 }
 

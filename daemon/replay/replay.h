@@ -11,7 +11,7 @@
 
 #include "daemon/replay/scores.h"
 #include "estimator/estimate.h"
-#include "estimator/inference/relearn.h"
+#include "estimator/inference/relearner.h"
 
 namespace lampglow::daemon {
 
@@ -35,8 +35,7 @@ struct ReplayRecord {
 
 // The reference after a night that taught something.
 struct RelearnedReference {
-  TimePoint valid_from{};
-  inference::Lesson lesson;
+  inference::Relearner::Settled settled;
   std::optional<ClearReference> reference;
 };
 

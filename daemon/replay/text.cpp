@@ -65,8 +65,8 @@ std::string format_summary(const ReplayResult& result) {
   for (const auto& [reason, count] : reasons)
     text += fmt::format("  {:4} without a value: {}\n", count, reason);
   for (const RelearnedReference& step : result.relearned)
-    text +=
-        fmt::format("{}: {}\n", format_time_utc(step.valid_from), lesson_text(*step.reference, step.lesson));
+    text += fmt::format("{}: {}\n", format_time_utc(step.settled.valid_from),
+                        lesson_text(*step.reference, step.settled));
   return text;
 }
 

@@ -82,6 +82,8 @@ void add_catalogue_lamps(Night& night) {
     lamp.distance_m = distances[i];
     lamp.height_m = random.uniform(8, 13);
     lamp.intensity = std::exp(0.35 * random.normal());
+    lamp.cutoff = night.options.luminaire == Luminaire::cutoff ||
+                  (night.options.luminaire == Luminaire::mixed && i % 2 == 1);
     lamp.in_catalogue = in_catalogue(night.options, lamp.id);
     place_lamp(lamp, night.lamps, apart_px, random);
     night.lamps.push_back(lamp);
@@ -98,6 +100,7 @@ void add_stray_lights(Night& night) {
     lamp.distance_m = std::exp(random.uniform(std::log(100.0), std::log(900.0)));
     lamp.height_m = random.uniform(5, 10);
     lamp.intensity = std::exp(0.35 * random.normal()) * 0.6;
+    lamp.cutoff = night.options.luminaire == Luminaire::cutoff;
     lamp.in_catalogue = false;
     lamp.lit_from_frame = i == kStrayLights - 1 ? night.references + night.options.frames / 3 : 0;
     place_lamp(lamp, night.lamps, 30, random);

@@ -21,6 +21,7 @@ enum class Style {
 enum class Luminaire {
   even,    // the same light in all directions
   cutoff,  // a Lambertian disc facing down, over a ground plane of albedo 0.2
+  mixed,   // every second lamp of the catalogue is cut-off, all others are even
 };
 
 // What disturbs the pictures. All of it is on unless switched off.
@@ -73,6 +74,7 @@ struct Lamp {
   double distance_m = 0;
   double intensity = 1;  // towards the camera, 1 is the usual lamp's
   double height_m = 8;   // above the ground (cut-off luminaires)
+  bool cutoff = false;   // its luminaire
   bool in_catalogue = true;
   int lit_from_frame = 0;  // a stray light may be switched on during the night
 };

@@ -65,8 +65,7 @@ PixelPosition shaken(const Frame& frame, double x_px, double y_px) {
 
 double lamp_electrons_per_s(const Night& night, const Frame& frame, size_t lamp) {
   const double nearness = kLampReferenceDistance_m / night.lamps[lamp].distance_m;
-  const double towards =
-      night.options.luminaire == Luminaire::cutoff ? cutoff_intensity(night.lamps[lamp]) : 1;
+  const double towards = night.lamps[lamp].cutoff ? cutoff_intensity(night.lamps[lamp]) : 1;
   return kLampElectronsPerS * towards * night.lamps[lamp].intensity * nearness * nearness *
          frame.lamp_strength[lamp] * frame.gain;
 }
@@ -110,7 +109,7 @@ void Renderer::add_halo(Image<double>& canvas, const HaloProfile& halo, PixelPos
 
 HaloProfile Renderer::halo_of_lamp(const Frame& frame, size_t lamp) const {
   if (frame.lamp_strength[lamp] <= 0) return {};
-  if (night_.options.luminaire == Luminaire::cutoff) return cutoff_halo(night_, frame, lamp);
+  if (night_.lamps[lamp].cutoff) return cutoff_halo(night_, frame, lamp);
   return halos_.profile(frame.q, frame.extinction_per_m * night_.lamps[lamp].distance_m);
 }
 

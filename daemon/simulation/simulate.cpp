@@ -144,8 +144,8 @@ int simulate_night(const NightOptions& options, const SimulationRun& run, const 
   cv::setNumThreads(1);  // frames are made in parallel already
   std::filesystem::create_directories(run.directory / "images");
   const Night night = plan_night(options);
-  // With cut-off luminaires only cars have even halos.
-  const std::uint64_t photons = options.luminaire == Luminaire::even ? run.photons : run.photons / 10;
+  // With all luminaires cut-off only cars have even halos.
+  const std::uint64_t photons = options.luminaire == Luminaire::cutoff ? run.photons / 10 : run.photons;
   const HaloLibrary halos(
       halo_runs(night), photons, options.seed, run.workers,
       [&](int done, int of) { progress("counting photons", done, of); }, stop);

@@ -86,7 +86,7 @@ ScheduleOptions read_schedule(std::optional<ConfigTable> table) {
   return schedule;
 }
 
-// [reference]: how clear nights teach. `relearn = false` leaves the reference as its brackets gave it.
+// [reference]: how nights teach. `relearn = false` leaves the reference as its brackets gave it.
 std::optional<inference::RelearnOptions> read_relearn(std::optional<ConfigTable> table) {
   inference::RelearnOptions relearn;
   if (!table) return relearn;

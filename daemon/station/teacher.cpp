@@ -79,15 +79,15 @@ void Teacher::take_over(const Adopted& adopted) {
 
 std::optional<Taught> Teacher::settle(Pupil& pupil) {
   const auto settled = pupil.relearner.settle();
-  if (!settled || !settled->lesson.learned()) return std::nullopt;
+  if (!settled || !settled->learned()) return std::nullopt;
   const ClearReference& reference = pupil.relearner.reference();
   auto setup = std::make_shared<CameraSetup>(*pupil.setup);
   setup->reference = reference;
   pupil.setup = setup;
   return Taught{setup,
-                reference_record(reference, settled->lesson, settled->valid_from),
+                reference_record(reference, *settled),
                 {0, settled->valid_from, storage::EventKind::reference_learned, storage::Severity::info,
-                 setup->name, lesson_text(reference, settled->lesson)}};
+                 setup->name, lesson_text(reference, *settled)}};
 }
 
 std::optional<Taught> Teacher::add(const Done& done) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/inference/luminaire.h"
 #include "estimator/inference/modes.h"
 #include "estimator/inference/weather.h"
 
@@ -109,6 +110,20 @@ Night fit_with_outages(const photometry::RegisteredFrame& registered, const Clea
   return night;
 }
 
+// What the picture alone says of lamp j's halo, as it would be in fog: the prior is taken off the posterior
+// again, so that a lesson from many frames is not pulled towards the prior as often as there are frames.
+void describe_halo(const Scene& scene, const JointFit& fit, size_t j, LampFit& lamp) {
+  constexpr double kTellsNothing = 1;  // of ln; a halo twice or half as strong
+  const size_t at = Layout(scene.lamps().size()).ln_halo(j);
+  const double posterior = fit.sigma[at], prior = scene.lamps()[j].ln_halo_sigma;
+  if (!(posterior > 0) || posterior >= prior) return;
+  const double information = 1 / (posterior * posterior) - 1 / (prior * prior);
+  const double weight = luminaire_weight(fit.parameters[Layout::q]);
+  if (!(weight > 0) || information * weight * weight < 1 / (kTellsNothing * kTellsNothing)) return;
+  lamp.ln_halo = fit.parameters[at] / (posterior * posterior * information) / weight;
+  lamp.ln_halo_sigma = 1 / std::sqrt(information) / weight;
+}
+
 void describe_lamps(const Night& night, const photometry::RegisteredFrame& registered, const Site& site,
                     const ClearReference& reference, FrameResult& result) {
   const Scene& scene = night.scene;
@@ -130,6 +145,7 @@ void describe_lamps(const Night& night, const photometry::RegisteredFrame& regis
           std::exp(night.fit.parameters[at.ln_strength(j)] + night.fit.parameters[Layout::ln_gain]);
     lamp.optical_thickness = std::exp(night.fit.ln_sigma() + night.fit.parameters[at.ln_distance(j)]) *
                              scene.lamps()[j].distance_m.value_or(1.0);
+    if (night.data.lit[j]) describe_halo(scene, night.fit, j, lamp);
     double sum = 0;
     int count = 0;
     for (size_t k = 0; k < per_lamp; ++k) {

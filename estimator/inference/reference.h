@@ -26,6 +26,8 @@ struct ReferenceLamp {
   bool catalogued = true;
   double ln_relearned = 0;  // of strength over what the clear brackets gave: the sum of what service taught
   std::optional<TimePoint> relearned_utc{};  // when last; empty: never
+  double ln_halo = 0;  // of its halo's strength in fog over an even lamp's, against all lamps': learn_halos.h
+  std::optional<TimePoint> halo_utc{};  // when it was last learned; empty: never
 };
 
 // A value: copies share the precomputed scene, which never changes.

@@ -1,5 +1,5 @@
-// The clear reference in service: lamps age and windows get dirty, slowly; the reference follows, from whole
-// clear nights alone and never from fog. Pure functions; the caller holds what they return.
+// The clear reference in service: lamps age and windows get dirty, slowly; its strengths follow, from whole
+// clear nights alone and never from fog (what fog teaches: learn_halos.h). Pure functions.
 //
 // Fog and a dirty window differ in two ways: fog dims far lamps more than near ones, and it glows. So a night
 // teaches only while every frame's 95 % bound on visibility is far beyond what matters, and even then
@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "estimator/inference/learn_halos.h"
 #include "estimator/inference/reference.h"
 #include "estimator/observation.h"
 
@@ -33,6 +34,7 @@ struct RelearnOptions {
   double least_reach = 2;  // the farthest over the nearest of them
   double agree_ln = 0.15;  // lamps further off the line than this do not agree, and learn nothing
   double least_change = 0.002;  // of ln strength; less is not worth an entry
+  HaloOptions halos{};          // what the nights that are not clear teach
 };
 
 // What one frame of the night says. Frames that say nothing (daylight, no picture, no fit) have none.

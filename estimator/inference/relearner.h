@@ -26,7 +26,9 @@ class Relearner {
   // The night is over: what it taught, and from when on. Empty if nothing was added.
   struct Settled {
     Lesson lesson;
+    HaloLesson halos;
     TimePoint valid_from{};  // the noon after the night
+    bool learned() const { return lesson.learned() || halos.learned(); }
   };
   std::optional<Settled> settle();
 
@@ -36,6 +38,7 @@ class Relearner {
   ClearReference reference_;
   std::optional<std::int64_t> night_;
   std::vector<NightFrame> frames_;
+  std::vector<HaloFrame> halos_;
 };
 
 }  // namespace lampglow::inference

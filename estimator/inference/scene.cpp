@@ -118,6 +118,12 @@ Scene Scene::with_strengths(std::span<const double> ln_change) const {
   return scene;
 }
 
+Scene Scene::with_halos(std::span<const double> ln_change) const {
+  Scene scene = *this;
+  for (size_t j = 0; j < ln_change.size(); ++j) scene.lamps_[j].ln_halo += ln_change[j];
+  return scene;
+}
+
 void Scene::add_geometry(const SceneLamp& lamp) {
   solid_angle_.push_back(scale_.pixel_solid_angle_sr(lamp.x_px, lamp.y_px));
   to_lamp_.push_back(scale_.direction(lamp.x_px, lamp.y_px));

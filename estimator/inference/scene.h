@@ -10,8 +10,9 @@
 // the glow model in optical units per unit flux (hence 4π), ω_j the solid angle of a pixel there; K spreads
 // the halo by the lens' wide glare; W averages over the ring's own pixels. h and c: street lights are
 // luminaires, their halo is stronger against their beam than an even lamp's, the more so at wide angles (s
-// grows from 0 at 1° to 1 at 4°). κ: the same for all lamps, for cameras whose lamp cores are saturated, so
-// that the direct beam is known by its glare alone. All halos add up, so neighbours are part of the model.
+// grows from 0 at 1° to 1 at 4°) and in air of low q (luminaire.h: what nights taught of each). κ: the same
+// for all lamps, for cameras whose lamp cores are saturated, so that the direct beam is known by its glare
+// alone. All halos add up, so neighbours are part of the model.
 #pragma once
 
 #include <memory>
@@ -55,7 +56,8 @@ struct SceneLamp {
   double distance_ln_sigma = 0;      // 0: exact
   double ln_strength = 0;            // of A_j
   double ln_strength_sigma = 0.06;
-  double ln_halo = 0, ln_halo_sigma = 0.05;
+  double ln_halo = 0;  // of h_j in fog; in other air see luminaire.h. The fit's parameter comes on top ...
+  double ln_halo_sigma = 0.05;  // ... and stays so near to 0
   bool catalogued = true;
   bool core_seen = true;  // false: its core was saturated in the reference, A_j is known by its glare alone
   // Guests are lights of one frame alone (cars, lamps newly lit): they have no rings of their own, but their
@@ -103,6 +105,8 @@ class Scene {
 
   // The same with each own lamp's ln strength changed.
   Scene with_strengths(std::span<const double> ln_change) const;
+  // The same with each own lamp's ln halo changed.
+  Scene with_halos(std::span<const double> ln_change) const;
 
   size_t ring_count() const { return rings_; }
   const std::vector<SceneLamp>& lamps() const { return lamps_; }

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "estimator/inference/luminaire.h"
 #include "estimator/inference/scene.h"
 
 namespace lampglow::inference {
@@ -142,8 +143,9 @@ Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<cons
       std::exp(p[Layout::ln_gain]) * std::exp(lamps_[j].ln_strength + p[at.ln_strength(j)]);
   term.thickness = std::exp(p[Layout::ln_sigma] + p[at.ln_distance(j)]) * lamps_[j].distance_m.value_or(1.0);
   term.beam = strength * std::exp(-std::min(term.thickness, 700.0));
-  const double scale = strength * kappa * std::exp(lamps_[j].ln_halo + p[at.ln_halo(j)]) * 4.0 *
-                       std::numbers::pi * solid_angle_[j];
+  const double ln_halo = lamps_[j].ln_halo * luminaire_weight(p[Layout::q]) + p[at.ln_halo(j)];
+  const double scale = strength * kappa * std::exp(ln_halo) * 4.0 * std::numbers::pi * solid_angle_[j];
+  const double by_luminaire = lamps_[j].ln_halo * kLuminaireWeightSlope;
   Glow glow;
   glow_at_nodes(halo, std::max(term.thickness, 1e-9), p[Layout::q], want_jacobian, glow);
   for (size_t n = 0; n < kSceneNodes; ++n) {
@@ -152,7 +154,7 @@ Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<cons
     node[kHalo] = scale * glow.value[n] * shape;
     if (!want_jacobian) continue;
     node[kThickness] = scale * glow.d_ln_thickness[n] * shape;
-    node[kQ] = scale * glow.d_q[n] * shape;
+    node[kQ] = scale * (glow.d_q[n] + by_luminaire * glow.value[n]) * shape;
     node[kShape] = scale * glow.value[n] * emission_shape_[n];
   }
   if (want_jacobian)

@@ -24,7 +24,9 @@ ReferenceRecord relearned() {
   record.hours = 6.25;
   record.mor_low_m = 9100.5;
   record.ln_common = -0.031;
-  record.lamps = {{"L1", 81234.5, -0.04, at("2026-01-16T11:39:16.8Z")}, {"stray-1", 5.25, 0, {}}};
+  record.halo_frames = 23;
+  record.lamps = {{"L1", 81234.5, -0.04, at("2026-01-16T11:39:16.8Z"), 0.175, at("2026-01-15T11:39:16.8Z")},
+                  {"stray-1", 5.25, 0, {}, 0, {}}};
   return record;
 }
 
@@ -63,6 +65,7 @@ TEST(References, GivesBackEveryFieldAndKeepsEarlierOnes) {
   EXPECT_EQ(read->hours, wanted.hours);
   EXPECT_EQ(read->mor_low_m, wanted.mor_low_m);
   EXPECT_EQ(read->ln_common, wanted.ln_common);
+  EXPECT_EQ(read->halo_frames, wanted.halo_frames);
   EXPECT_FALSE(read->restored_number);
   ASSERT_EQ(read->lamps.size(), 2U);
   EXPECT_EQ(read->lamps[0].id, "L1");
@@ -70,6 +73,10 @@ TEST(References, GivesBackEveryFieldAndKeepsEarlierOnes) {
   EXPECT_EQ(read->lamps[0].ln_relearned, -0.04);
   EXPECT_EQ(read->lamps[0].relearned_utc, wanted.lamps[0].relearned_utc);
   EXPECT_FALSE(read->lamps[1].relearned_utc);
+  EXPECT_EQ(read->lamps[0].ln_halo, 0.175);
+  EXPECT_EQ(read->lamps[0].halo_utc, wanted.lamps[0].halo_utc);
+  EXPECT_EQ(read->lamps[1].ln_halo, 0);
+  EXPECT_FALSE(read->lamps[1].halo_utc);
   EXPECT_FALSE(reader.reference(quay, one)->mor_low_m);
 }
 

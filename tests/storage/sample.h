@@ -54,6 +54,8 @@ inline FrameResult foggy(TimePoint time, double extinction_per_m = 0.012) {
   first.strength_ratio = 0.97;
   first.optical_thickness = extinction_per_m * 60;
   first.residual_rms = 1.125;
+  first.ln_halo = -0.0625;
+  first.ln_halo_sigma = 0.03125;
   first.profile = {{0.25, 0.5, 1}, {100, 50, 25}, {1, 0.5, 0.25}, {101, 49.5, 25.5}};
   LampFit second;
   second.id = "L2";

@@ -67,8 +67,11 @@ TEST_F(StoreTest, GivesBackEveryFieldOfAFrame) {
   EXPECT_EQ(fits[0].fit.strength_ratio, 0.97);
   EXPECT_EQ(fits[0].fit.optical_thickness, frame.lamps[0].optical_thickness);
   EXPECT_EQ(fits[0].fit.residual_rms, 1.125);
+  EXPECT_EQ(fits[0].fit.ln_halo, -0.0625);
+  EXPECT_EQ(fits[0].fit.ln_halo_sigma, 0.03125);
   EXPECT_EQ(fits[1].fit.state, LampState::faded);
   EXPECT_FALSE(fits[1].fit.strength_ratio);
+  EXPECT_FALSE(fits[1].fit.ln_halo);
 
   const auto rings = reader.rings(camera->number, "L1");
   ASSERT_TRUE(rings);

@@ -105,7 +105,8 @@ class Problem:
         strength = np.exp(p[LN_GAIN] + lamp["ln_strength"] + ln_strength)
         thickness = np.exp(p[LN_SIGMA] + ln_distance) * lamp["distance_m"]
         beam = strength * np.exp(-thickness)
-        scale = strength * np.where(lamp["core_seen"], 1, kappa) * np.exp(lamp["ln_halo"] + ln_halo)
+        scale = strength * np.where(lamp["core_seen"], 1, kappa) * np.exp(
+            lamp["ln_halo"] * (1 - p[Q]) / 0.13 + ln_halo)
         scale = scale * 4 * np.pi * lamp["solid_angle_sr"]
         halo = scale[:, None] * self.glow(thickness, p[Q]) * (1 + p[EMISSION] * self.shape)
         direct = self.direct

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "daemon/simulation/render.h"
+
 namespace lampglow::simulation {
 namespace {
 
@@ -41,6 +43,21 @@ TEST(Cutoff, HaloGrowsOutwardsAndBelow) {
     EXPECT_GT(wide, inside * 0.98) << mor_m;
     EXPECT_LT(wide, 1.7) << mor_m;
     EXPECT_GT(cutoff.radiance(ln_rad(3), std::numbers::pi), cutoff.radiance(ln_rad(3), 0)) << mor_m;
+  }
+}
+
+TEST(Cutoff, MixedNightsHaveEverySecondLampOfTheCatalogueCutOff) {
+  const Night mixed = plan_night({.seed = 1, .frames = 1, .lamps = 5, .luminaire = Luminaire::mixed});
+  const Night even = plan_night({.seed = 1, .frames = 1, .lamps = 5});
+  ASSERT_EQ(mixed.lamps.size(), 8U);
+  for (size_t l = 0; l < mixed.lamps.size(); ++l) {
+    EXPECT_EQ(mixed.lamps[l].cutoff, l == 1 || l == 3) << l;
+    EXPECT_FALSE(even.lamps[l].cutoff);
+    // All else is the same night.
+    EXPECT_EQ(mixed.lamps[l].x_px, even.lamps[l].x_px);
+    const double part =
+        lamp_electrons_per_s(mixed, mixed.frames[0], l) / lamp_electrons_per_s(even, even.frames[0], l);
+    EXPECT_NEAR(part, mixed.lamps[l].cutoff ? cutoff_intensity(mixed.lamps[l]) : 1, 1e-9);
   }
 }
 

@@ -80,7 +80,8 @@ struct Fixture {
 };
 
 TEST(JointFit, JacobianIsThatOfFiniteDifferences) {
-  const Fixture f(4);
+  Fixture f(4);
+  *f.scene = f.scene->with_halos(std::vector{0.4, -0.2, 0.0, 0.7});
   std::mt19937_64 random(7);
   std::normal_distribution<double> normal;
   Scene::RingPattern pattern;

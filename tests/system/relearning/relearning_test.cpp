@@ -138,6 +138,31 @@ TEST_F(Relearning, FogAllWeekTeachesNothing) {
   EXPECT_EQ(foggy, 40);
 }
 
+// Two lamps of five send their light down; photons say by how much their halos are stronger for it.
+TEST_F(Relearning, FogTeachesWhichLampsAreCutOff) {
+  run_well(
+      {"simulate",          at("mixed"), "--seed",    "63",       "--luminaire", "mixed",     "--distances",
+       "60,80,110,150,200", "--nights",  "3",         "--frames", "18",          "--mor-min", "150",
+       "--mor-max",         "950",       "--without", "dimming",  "--photons",   "100000"});
+  const std::string told =
+      run_well({"replay", at("mixed"), "--relearn", "--csv", at("mixed.csv"), "--db", at("mixed.db")}).out;
+  EXPECT_THAT(told, HasSubstr("halo strengths relearned from"));
+  EXPECT_THAT(run_well({"reference", "list", at("mixed.db")}).out, HasSubstr("halos from"));
+  const auto now = storage::ReferenceReader(at("mixed.db")).reference(1);
+  ASSERT_TRUE(now);
+  EXPECT_GT(now->halo_frames, 0);
+  double cutoff = 0, even = 0, sum = 0;
+  for (const auto& lamp : now->lamps) {
+    sum += lamp.ln_halo;
+    EXPECT_EQ(lamp.ln_relearned, 0) << "fog taught a strength";
+    if (lamp.id == "L2" || lamp.id == "L4") cutoff += lamp.ln_halo / 2;
+    if (lamp.id == "L1" || lamp.id == "L3" || lamp.id == "L5") even += lamp.ln_halo / 3;
+  }
+  std::printf("ln halo of cut-off lamps %+.3f, of even ones %+.3f\n", cutoff, even);
+  EXPECT_NEAR(sum, 0, 1e-9) << "what all share";
+  EXPECT_GT(cutoff - even, 0.1);
+}
+
 TEST_F(Relearning, TheStationRelearnsRemembersAndGoesBack) {
   TempFolder folder;
   const int port = free_port();
