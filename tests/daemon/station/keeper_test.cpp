@@ -60,7 +60,7 @@ class KeeperTest : public testing::Test {
 TEST_F(KeeperTest, AFreshDatabaseGetsTheReferenceInForce) {
   auto k = keeper();
   storage::ReferenceRecord record;
-  record.lamps = {{"L1", 3.5, -0.1, {}}};
+  record.lamps = {{"L1", 3.5, -0.1, {}, 0, {}}};
   k->put_reference("quay", record);
   record.origin = storage::ReferenceOrigin::relearned;
   k->put_reference("quay", record);
