@@ -79,11 +79,11 @@ SceneFit fit_one_wrong(const DayView& view, const Site& site, const DayOptions& 
     DayView without = view;
     without.targets[t].brightness_ratio_sigma = kWildSigma;
     SceneFit others = fit_all_right(without, site, options, flags);
-    if (others.odd) continue;
+    if (others.odd || others.snow) continue;  // snow lies on all of them
     if (scene.fit.posterior.empty())
       scene = std::move(others);
-    else if (add_probability(scene.fit, others.fit, 0))
-      scene.snow = others.snow;
+    else
+      add_probability(scene.fit, others.fit, 0);
   }
   return scene;
 }
