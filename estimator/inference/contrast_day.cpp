@@ -209,6 +209,7 @@ void measure_day(const photometry::RadianceImage& image, const Site& site, std::
                                                   learned_error(options, observation.quality))
                                      : 0.0);
   BoundsOptions bounds_options;
+  if (!learned) bounds_options.inflate = options.inflate;
   bounds_options.widest_ratio = learned ? options.widest_ratio_learned : options.widest_ratio;
   SigmaBounds bounds = sigma_bounds(posterior, bounds_options);
   double mode = refined_mode(posterior);

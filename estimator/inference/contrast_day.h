@@ -16,6 +16,9 @@ struct DayOptions {
   // distance, and for learned ones, which tell the order and roughly the size.
   double widest_ratio = 3.0;
   double widest_ratio_learned = 20.0;
+  // Bounds are so many times as wide as the fit of targets of known distance says: without it 162 of 180
+  // truths of six simulated days lay within them, with it 83 instead of 76 of the worse three days' 90.
+  double inflate = 1.2;
   // Fog known to be thicker than this is a value, the posterior's median, even where nothing bounds it below:
   // the WMO limits are ±50 m there.
   double dense_fog_mor_m = 150;
