@@ -130,10 +130,10 @@ void write_glow(const inference::HaloModel& halo, std::span<const double> theta,
 
 double cost_at_best(const FitCall& call, const inference::HaloModel& halo) {
   inference::RingData data = call.data;
-  data.ln_dimming = call.fit.ln_dimming;
+  data.ln_dimming = call.fit->ln_dimming;
   double cost = 0;
   for (const double r :
-       inference::residuals_at(call.scene, halo, data, call.options, call.fit.parameters).value)
+       inference::residuals_at(call.scene, halo, data, call.options, call.fit->parameters).value)
     cost += r * r / 2;
   return cost;
 }
@@ -147,13 +147,13 @@ void export_fit(const FitCall& call, const Night& night, const std::filesystem::
   write_lamps(call, night, arrays);
   write_glow(*halo, inference::scene_nodes_rad(), arrays);
   std::vector<double> profile;
-  for (const auto& point : call.fit.posterior) profile.push_back(point.ln_sigma);
+  for (const auto& point : call.fit->posterior) profile.push_back(point.ln_sigma);
   arrays.write("our_profile_ln_sigma", {profile.size()}, profile);
-  arrays.write("our_parameters", {call.fit.parameters.size()}, call.fit.parameters);
+  arrays.write("our_parameters", {call.fit->parameters.size()}, call.fit->parameters);
   const inference::FitOptions& o = call.options;
   const std::vector<std::pair<std::string, double>> numbers{
       {"our_cost", cost_at_best(call, *halo)},
-      {"our_ln_sigma_sigma", call.fit.sigma[inference::Layout::ln_sigma]},
+      {"our_ln_sigma_sigma", call.fit->sigma[inference::Layout::ln_sigma]},
       {"sky_unit", call.data.sky_unit},
       {"core_ln_sigma", call.scene.spread().core_ln_sigma},
       {"max_q", halo->max_q()},

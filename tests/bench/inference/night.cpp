@@ -16,23 +16,42 @@ std::vector<FitCall>* kept_fits = nullptr;  // where calls are kept; null: they 
 
 }  // namespace
 
-inference::JointFit real_fit(const inference::Scene& scene, const inference::HaloModel& halo,
-                             const inference::RingData& data,
-                             const inference::FitOptions& options) asm("__real_" LAMPGLOW_FIT_SYMBOL);
+namespace linked {
 
-// What every call of fit_jointly() in this program comes to.
-inference::JointFit observed_fit(const inference::Scene& scene, const inference::HaloModel& halo,
-                                 const inference::RingData& data,
-                                 const inference::FitOptions& options) asm("__wrap_" LAMPGLOW_FIT_SYMBOL);
+using namespace inference;
 
-inference::JointFit observed_fit(const inference::Scene& scene, const inference::HaloModel& halo,
-                                 const inference::RingData& data, const inference::FitOptions& options) {
+Modes real_find_modes(const Scene& scene, const HaloModel& halo, const RingData& data,
+                      const FitOptions& options) asm("__real_" LAMPGLOW_FIND_MODES);
+JointFit real_complete(const Scene& scene, const HaloModel& halo, const FitOptions& options,
+                       Modes found) asm("__real_" LAMPGLOW_COMPLETE);
+
+// What every call of find_modes() and complete() in this program comes to.
+Modes observed_find_modes(const Scene& scene, const HaloModel& halo, const RingData& data,
+                          const FitOptions& options) asm("__wrap_" LAMPGLOW_FIND_MODES);
+JointFit observed_complete(const Scene& scene, const HaloModel& halo, const FitOptions& options,
+                           Modes found) asm("__wrap_" LAMPGLOW_COMPLETE);
+
+Modes observed_find_modes(const Scene& scene, const HaloModel& halo, const RingData& data,
+                          const FitOptions& options) {
   const double begin = cpu_s();
-  inference::JointFit fit = real_fit(scene, halo, data, options);
+  Modes found = real_find_modes(scene, halo, data, options);
   const double took = cpu_s() - begin;
-  if (kept_fits) kept_fits->push_back({scene, data, options, fit, took});
+  if (kept_fits) kept_fits->push_back({scene, data, options, {}, took});
+  return found;
+}
+
+JointFit observed_complete(const Scene& scene, const HaloModel& halo, const FitOptions& options,
+                           Modes found) {
+  const double begin = cpu_s();
+  JointFit fit = real_complete(scene, halo, options, std::move(found));
+  const double took = cpu_s() - begin;
+  if (!kept_fits) return fit;
+  kept_fits->back().fit = fit;
+  kept_fits->back().cpu_s += took;
   return fit;
 }
+
+}  // namespace linked
 
 double cpu_s() {
   timespec now{};
@@ -99,8 +118,10 @@ Estimated Night::estimate_and_keep_fits(const Bracket& bracket) const {
   return estimated;
 }
 
-inference::JointFit fit_again(const FitCall& call) {
-  return real_fit(call.scene, *inference::halo_model(inference::HaloKind::table), call.data, call.options);
+void fit_again(const FitCall& call) {
+  const auto halo = inference::halo_model(inference::HaloKind::table);
+  inference::Modes found = linked::real_find_modes(call.scene, *halo, call.data, call.options);
+  if (call.fit) linked::real_complete(call.scene, *halo, call.options, std::move(found));
 }
 
 }  // namespace lampglow::bench

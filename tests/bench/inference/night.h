@@ -9,6 +9,7 @@
 
 #include "daemon/sources/archive.h"
 #include "estimator/estimate.h"
+#include "estimator/inference/modes.h"
 
 namespace lampglow::bench {
 
@@ -23,12 +24,12 @@ double median(std::vector<double> values);
 // `lampglow simulate` to `folder`; throws std::runtime_error with what it complained about.
 void simulate(const std::filesystem::path& folder, const std::vector<std::string>& arguments);
 
-// What one call of fit_jointly() was given and what it gave.
+// What one search for a frame's modes was given, and the fit it led to: the last search of a frame alone.
 struct FitCall {
   inference::Scene scene;
   inference::RingData data;
   inference::FitOptions options;
-  inference::JointFit fit;
+  std::optional<inference::JointFit> fit;
   double cpu_s = 0;
 };
 
@@ -66,6 +67,6 @@ class Night {
 };
 
 // The fit alone, once more, of the same data.
-inference::JointFit fit_again(const FitCall& call);
+void fit_again(const FitCall& call);
 
 }  // namespace lampglow::bench

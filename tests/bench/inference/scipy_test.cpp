@@ -49,7 +49,7 @@ PythonRun run_scipy(const std::vector<std::string>& arguments) {
 // solve the same problem.
 bool all_as_usual(const Estimated& frame) {
   return !frame.fits.empty() &&
-         std::ranges::all_of(frame.fits.back().fit.ln_dimming, [](double d) { return d == 0; });
+         std::ranges::all_of(frame.fits.back().fit->ln_dimming, [](double d) { return d == 0; });
 }
 
 // Thick, middling and clear.
@@ -84,7 +84,7 @@ TEST(Scipy, SameExtinctionInATwentiethOfTheTime) {
     PythonRun run = run_scipy({(folder.path() / std::to_string(i)).string()});
     ASSERT_EQ(run.exit_code, 0) << run.complaint;
     auto& n = run.numbers;
-    const double off = (n["ln_sigma"] - call.fit.ln_sigma()) / call.fit.sigma[inference::Layout::ln_sigma];
+    const double off = (n["ln_sigma"] - call.fit->ln_sigma()) / call.fit->sigma[inference::Layout::ln_sigma];
     fmt::print("  {:6.0f}  {:9.1f}  {:9.0f}  {:11.0f}  {:5.0f}  {:+.3f}\n", night.mor_m()[i], our_s * 1e3,
                n["cpu_s"] * 1e3, n["evaluations"], n["cpu_s"] / our_s, off);
     EXPECT_NEAR(n["cost_at_ours"], n["our_cost"], 0.01 + 1e-3 * n["our_cost"]) << "not the same residuals";

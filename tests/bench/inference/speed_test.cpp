@@ -45,8 +45,9 @@ double fit_ms(const std::string& lamps, int rings, const std::string& frames) {
     std::size_t points = 0;
     for (const FitCall& call : frame.fits) {
       time += median_cpu_s(3, [&] { fit_again(call); });
-      iterations += call.fit.iterations;
-      points += call.fit.posterior.size();
+      if (!call.fit) continue;
+      iterations += call.fit->iterations;
+      points += call.fit->posterior.size();
     }
     const FitCall& last = frame.fits.back();
     const auto used = std::ranges::count(last.data.used, 1);
