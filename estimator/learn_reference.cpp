@@ -64,6 +64,7 @@ std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const 
   for (const std::size_t i : first.usable) {
     const Bracket bracket = clear.load(i);
     const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    if (image.empty()) continue;  // gone since the first look, or the run is to stop
     auto registered = photometry::register_frame(image, first.catalogue, options.registration);
     if (!layout) layout = inference::lay_out(image, registered, site, first.catalogue, reference_options);
     frames.push_back({inference::clear_rings(image, registered, *layout), std::move(registered),

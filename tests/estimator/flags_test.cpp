@@ -185,5 +185,20 @@ TEST_F(Flags, HotPixelsAreKnownFromTheClearBrackets) {
   EXPECT_TRUE(reference_->hot_pixels.empty());
 }
 
+// Brackets are read twice: a file may be gone the second time, or the run told to stop.
+TEST_F(Flags, AClearBracketThatIsGoneAtTheSecondLookIsLeftOut) {
+  const Bracket clear = take(Street());
+  for (const int remaining : {1, 0}) {
+    int loads = 0;
+    const auto reference = learn_reference(
+        {2, [&](std::size_t) { return ++loads <= 2 + remaining ? clear : Bracket{}; }}, site_, options_);
+    EXPECT_EQ(loads, 4);
+    ASSERT_EQ(reference.has_value(), remaining > 0);
+    if (reference) {
+      EXPECT_EQ(reference->frames, 1);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace lampglow
