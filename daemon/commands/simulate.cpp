@@ -150,6 +150,24 @@ void add_nights(CLI::App& command, NightOptions& night) {
       ->capture_default_str();
 }
 
+void add_lamps(CLI::App& command, NightOptions& night) {
+  command.add_option("--lamps", night.lamps, "Lamps of the catalogue")
+      ->check(CLI::Range(1, 40))
+      ->capture_default_str();
+  command.add_option("--nearest", night.nearest_m, "Distance of the nearest lamp [m]")
+      ->check(CLI::Range(10.0, 10000.0))
+      ->capture_default_str();
+  command.add_option("--farthest", night.farthest_m, "Distance of the farthest lamp [m]")
+      ->check(CLI::Range(10.0, 10000.0))
+      ->capture_default_str();
+  command
+      .add_option("--distances", night.distances_m, "Distances of all lamps [m], instead of the three above")
+      ->delimiter(',')
+      ->check(CLI::Range(10.0, 10000.0));
+  command.add_option("--catalogue", night.catalogue, "Only these lamps (L1,L2,...) are listed in site.toml")
+      ->delimiter(',');
+}
+
 }  // namespace
 
 void add_simulate(CLI::App& program) {
@@ -183,21 +201,7 @@ void add_simulate(CLI::App& program) {
       ->delimiter(',')
       ->check(CLI::Range(30.0, 20000.0))
       ->capture_default_str();
-  command->add_option("--lamps", night.lamps, "Lamps of the catalogue")
-      ->check(CLI::Range(1, 40))
-      ->capture_default_str();
-  command->add_option("--nearest", night.nearest_m, "Distance of the nearest lamp [m]")
-      ->check(CLI::Range(10.0, 10000.0))
-      ->capture_default_str();
-  command->add_option("--farthest", night.farthest_m, "Distance of the farthest lamp [m]")
-      ->check(CLI::Range(10.0, 10000.0))
-      ->capture_default_str();
-  command
-      ->add_option("--distances", night.distances_m, "Distances of all lamps [m], instead of the three above")
-      ->delimiter(',')
-      ->check(CLI::Range(10.0, 10000.0));
-  command->add_option("--catalogue", night.catalogue, "Only these lamps (L1,L2,...) are listed in site.toml")
-      ->delimiter(',');
+  add_lamps(*command, night);
   command->add_option("--mor-min", night.mor_min_m, "Least visibility of the night [m]")
       ->check(CLI::Range(20.0, 50000.0))
       ->capture_default_str();
