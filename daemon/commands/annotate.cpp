@@ -26,7 +26,7 @@ cv::Scalar colour_of(Mark::Colour colour) {
 
 // Grey picture, stretched: the median becomes dark grey, the brightest white.
 cv::Mat stretched(const Image<std::uint16_t>& picture) {
-  std::vector<std::uint16_t> sorted = picture.pixels;
+  Pixels<std::uint16_t> sorted = picture.pixels;
   const auto at = [&](double part) {
     const auto place = static_cast<std::ptrdiff_t>(part * static_cast<double>(sorted.size() - 1));
     std::nth_element(sorted.begin(), sorted.begin() + place, sorted.end());

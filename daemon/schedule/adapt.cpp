@@ -14,7 +14,7 @@ struct Measured {
 };
 
 // The n-th largest of all pixels.
-double brightest(std::vector<std::uint16_t> pixels, std::size_t rank) {
+double brightest(Pixels<std::uint16_t> pixels, std::size_t rank) {
   std::ranges::nth_element(pixels, pixels.begin() + static_cast<std::ptrdiff_t>(rank), std::greater<>());
   return pixels[rank];
 }
@@ -22,7 +22,7 @@ double brightest(std::vector<std::uint16_t> pixels, std::size_t rank) {
 // Noise from differences of horizontal neighbours: their median absolute value is 0.954 sigma for Gaussian
 // noise (0.6745 * sqrt 2). Quantisation to whole DN leaves at least 1/sqrt 12.
 double neighbour_noise_dn(const Image<std::uint16_t>& picture) {
-  std::vector<std::uint16_t> differences;
+  Pixels<std::uint16_t> differences;
   differences.reserve(picture.pixels.size());
   for (std::size_t i = 1; i < picture.pixels.size(); ++i) {
     differences.push_back(static_cast<std::uint16_t>(std::abs(picture.pixels[i] - picture.pixels[i - 1])));

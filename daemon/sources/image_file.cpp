@@ -81,7 +81,7 @@ class GreenOrMono : public RowSink {
       throw WrongShape(Quality::frame_wrong_depth, "expected whole numbers as samples");
     channels_ = static_cast<std::size_t>(shape.channels);
     tolerance_ = shape.bits == 8 ? 5 : 1310;
-    pixels_ = Image<std::uint16_t>(shape.width_px, shape.height_px);
+    pixels_ = Image<std::uint16_t>::unfilled(shape.width_px, shape.height_px);
   }
 
   void take(int row, Samples samples) override {
@@ -136,7 +136,7 @@ DecodedImage decode_pixels(ImageFormat format, std::span<const std::uint8_t> byt
 }
 
 struct FileBytes {
-  std::vector<std::uint8_t> data;
+  Pixels<std::uint8_t> data;
   std::string fault;
   bool too_large = false;
 };
@@ -150,7 +150,7 @@ FileBytes read_bytes(const std::filesystem::path& path, std::uint64_t max_bytes)
   if (!S_ISREG(status.st_mode)) return {{}, "expected a regular file"};
   const auto size = static_cast<std::uint64_t>(status.st_size);
   if (size > max_bytes) return {{}, fmt::format("expected at most {} bytes, got {}", max_bytes, size), true};
-  std::vector<std::uint8_t> data(size);
+  Pixels<std::uint8_t> data(size);  // not filled before it is read
   std::size_t filled = 0;
   while (filled < data.size()) {
     const ssize_t count = ::read(fd.get(), data.data() + filled, data.size() - filled);

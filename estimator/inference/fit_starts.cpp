@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 
 #include "estimator/inference/frame_cost.h"
@@ -35,13 +34,7 @@ Lights lights_at(const Scene& scene, const HaloModel& halo, const RingData& data
   p[Layout::ln_sigma] = std::log(kMorTimesExtinction / mor);
   p[Layout::q] = std::min(prior_q(p[Layout::ln_sigma], options), halo.max_q());
   p[Layout::emission] = options.emission_mean;
-  std::vector<size_t> rings(scene.ring_count());
-  std::iota(rings.begin(), rings.end(), size_t{0});
-  std::vector<int> column_of(at.size(), -1);  // d model / d ln strength is the lamp's light
-  for (size_t j = 0; j < at.lamps; ++j) column_of[at.ln_strength(j)] = static_cast<int>(j);
-  Scene::Output output;
-  scene.evaluate(halo, p, data.lit, data.sky_unit, {rings, column_of, at.lamps}, output);
-  lights.light = std::move(output.jacobian);
+  lights.light = scene.lights(halo, p, data.lit);
   return lights;
 }
 
@@ -49,19 +42,20 @@ Lights lights_at(const Scene& scene, const HaloModel& halo, const RingData& data
 void settle_skies(const Scene& scene, const RingData& data, std::vector<double>& p,
                   std::vector<double>& model) {
   const Layout at(scene.lamps().size());
+  const double roof = Scene::roof_transmission(p[Layout::ln_sigma]);
   std::vector<double> sum(at.lamps, 0), weight(at.lamps, 0);
   for (size_t r = 0; r < scene.ring_count(); ++r) {
     if (!data.used[r]) continue;
     const auto lamp = static_cast<size_t>(scene.lamp_of_ring(r));
-    const double w = 1.0 / (data.sigma[r] * data.sigma[r]), f = scene.sky_factor(r, p[Layout::ln_sigma]);
+    const double w = 1.0 / (data.sigma[r] * data.sigma[r]), f = scene.sky_factor(r, roof);
     sum[lamp] += w * f * (data.value[r] - model[r]);
     weight[lamp] += w * f * f;
   }
   for (size_t j = 0; j < at.lamps; ++j)
     p[at.sky(j)] = weight[j] > 0 ? std::max(0.0, sum[j] / weight[j]) / data.sky_unit : 1.0;
   for (size_t r = 0; r < scene.ring_count(); ++r)
-    model[r] += data.sky_unit * p[at.sky(static_cast<size_t>(scene.lamp_of_ring(r)))] *
-                scene.sky_factor(r, p[Layout::ln_sigma]);
+    model[r] +=
+        data.sky_unit * p[at.sky(static_cast<size_t>(scene.lamp_of_ring(r)))] * scene.sky_factor(r, roof);
 }
 
 Start start_at(const Scene& scene, const HaloModel& halo, RingData data, const FitOptions& options,

@@ -153,6 +153,7 @@ void FrameCost::add_rings(const double* p, std::span<const int> active, NormalEq
   Eigen::Map<Square> information(out.information.data(), size, size);
   Eigen::Map<Square> jacobian(output_.jacobian.data(), static_cast<Eigen::Index>(rows), wide);
   Eigen::Map<Eigen::VectorXd> gradient(out.gradient.data(), size);
+  const double roof = Scene::roof_transmission(p[Layout::ln_sigma]);
   for (size_t i = 0; i < rows; ++i) {
     double slope = 0;
     const double residual = ring_residual(rings_[i], output_.model[i], slope);
@@ -162,7 +163,7 @@ void FrameCost::add_rings(const double* p, std::span<const int> active, NormalEq
     gradient.head(wide) += residual * row.transpose();
     const int sky = sky_of[static_cast<size_t>(scene_.lamp_of_ring(rings_[i]))];
     if (sky < 0) continue;
-    const double by_sky = slope * data_.sky_unit * scene_.sky_factor(rings_[i], p[Layout::ln_sigma]);
+    const double by_sky = slope * data_.sky_unit * scene_.sky_factor(rings_[i], roof);
     information.row(sky).head(wide) += by_sky * row;
     information(sky, sky) += by_sky * by_sky;
     gradient(sky) += by_sky * residual;

@@ -56,10 +56,10 @@ SkyPosition sky_position(const photometry::Ring& ring, const Camera& camera) {
 double spread_density(const PointSpread& spread, double theta_rad) {
   const auto& x = spread.theta_rad;
   const auto& y = spread.ln_density;
-  const double ln_theta = std::log(std::max(theta_rad, x.front()));
+  const double theta = std::max(theta_rad, x.front());
   size_t n = 0;
-  while (n + 2 < x.size() && std::log(x[n + 1]) < ln_theta) ++n;
-  const double fraction = (ln_theta - std::log(x[n])) / std::log(x[n + 1] / x[n]);
+  while (n + 2 < x.size() && x[n + 1] < theta) ++n;
+  const double fraction = std::log(theta / x[n]) / std::log(x[n + 1] / x[n]);
   return std::exp(y[n] + fraction * (y[n + 1] - y[n]));
 }
 

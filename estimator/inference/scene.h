@@ -98,7 +98,8 @@ class Scene {
   };
   void set_pattern(RingPattern pattern) { pattern_ = std::move(pattern); }
   const RingPattern& pattern() const { return pattern_; }
-  double sky_factor(size_t ring, double ln_sigma) const;  // s
+  double sky_factor(size_t ring, double roof_transmission) const;  // s
+  static double roof_transmission(double ln_sigma);  // of the air before what stands before the sky
 
   // The same with guests after its own lamps. Costs a fraction of making a scene.
   Scene with_guests(std::span<const SceneLamp> guests) const;
@@ -131,6 +132,10 @@ class Scene {
   };
   void evaluate(const HaloModel& halo, std::span<const double> parameters, std::span<const char> lit,
                 double sky_unit, const Wanted& wanted, Output& output) const;
+
+  // Each lamp's light in each ring alone, rings x lamps.
+  std::vector<double> lights(const HaloModel& halo, std::span<const double> parameters,
+                             std::span<const char> lit) const;
 
   // Mean over the ring of a function given at the nodes that goes as 1/θ between them (for the reference's
   // own fit).

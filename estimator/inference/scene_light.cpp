@@ -4,9 +4,11 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <span>
 
 #include "estimator/inference/luminaire.h"
 #include "estimator/inference/scene.h"
+#include "estimator/vectorized.h"
 
 namespace lampglow::inference {
 namespace {
@@ -49,7 +51,7 @@ enum Term : size_t { kHalo, kThickness, kQ, kShape, kTerms };
 
 // Each node's numbers become those after the lens: column by column of the convolution, four columns at once.
 template <size_t kCount>
-void convolve(const std::vector<double>& convolution, double* terms) {
+[[gnu::always_inline]] inline void convolve(const std::vector<double>& convolution, double* terms) {
   std::array<double, kSceneNodes * kCount> out{};
   for (size_t n = 0; n < kSceneNodes; n += 4) {
     const double* column = &convolution[n * kSceneNodes];
@@ -65,6 +67,23 @@ void convolve(const std::vector<double>& convolution, double* terms) {
 }
 static_assert(kSceneNodes % 4 == 0);
 
+LAMPGLOW_VECTORIZED void convolve_halo(const std::vector<double>& convolution, double* terms) {
+  convolve<1>(convolution, terms);
+}
+
+LAMPGLOW_VECTORIZED void convolve_terms(const std::vector<double>& convolution, double* terms) {
+  convolve<kTerms>(convolution, terms);
+}
+
+// Σ weight · node, term by term.
+LAMPGLOW_VECTORIZED std::array<double, kTerms> weighted_terms(std::span<const double> weights,
+                                                              const double* nodes) {
+  std::array<double, kTerms> sum{};
+  for (size_t n = 0; n < weights.size(); ++n)
+    for (size_t t = 0; t < kTerms; ++t) sum[t] += weights[n] * nodes[n * kTerms + t];
+  return sum;
+}
+
 // Of what stands before the sky; its distance is a guess, see RingErrors::of_pattern.
 double roof_thickness(double ln_sigma) {
   constexpr double kRoofDistance_m = 400;
@@ -73,8 +92,12 @@ double roof_thickness(double ln_sigma) {
 
 }  // namespace
 
-double Scene::sky_factor(size_t ring, double ln_sigma) const {
-  return pattern_.sky.empty() ? 1.0 : 1.0 + pattern_.sky[ring] * std::exp(-roof_thickness(ln_sigma));
+double Scene::roof_transmission(double ln_sigma) {
+  return std::exp(-roof_thickness(ln_sigma));
+}
+
+double Scene::sky_factor(size_t ring, double roof_transmission) const {
+  return pattern_.sky.empty() ? 1.0 : 1.0 + pattern_.sky[ring] * roof_transmission;
 }
 
 // One lamp's light in these parameters: its beam, and at every node its halo after the lens with what the
@@ -112,6 +135,8 @@ void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span
     if (lit[j]) terms.push_back(terms_of(j, halo, p, want_jacobian));
   const Layout at(lamps_.size());
   const double kappa = std::exp(p[Layout::ln_kappa]);
+  const double thickness = roof_thickness(p[Layout::ln_sigma]),
+               transmission = roof_transmission(p[Layout::ln_sigma]);
   output.model.resize(wanted.rings.size());
   output.jacobian.assign(want_jacobian ? wanted.rings.size() * wanted.columns : 0, 0.0);
   for (size_t i = 0; i < wanted.rings.size(); ++i) {
@@ -122,15 +147,29 @@ void Scene::evaluate(const HaloModel& halo, std::span<const double> p, std::span
     for (const LampTerms& term : terms) light += add_light(r, term, kappa, row);
     const double smooth_sky =
         sky_unit * (p[at.sky(own)] + p[Layout::slope_x] * ring_x_[r] + p[Layout::slope_y] * ring_y_[r]);
-    const double factor = sky_factor(r, p[Layout::ln_sigma]);
+    const double factor = sky_factor(r, transmission);
     output.model[i] = light + factor * smooth_sky;
     if (!row.values) continue;
     row.add(Layout::ln_gain, light);
-    row.add(Layout::ln_sigma, (1.0 - factor) * smooth_sky * roof_thickness(p[Layout::ln_sigma]));
+    row.add(Layout::ln_sigma, (1.0 - factor) * smooth_sky * thickness);
     row.add(Layout::slope_x, factor * sky_unit * ring_x_[r]);
     row.add(Layout::slope_y, factor * sky_unit * ring_y_[r]);
     row.add(at.sky(own), factor * sky_unit);
   }
+}
+
+std::vector<double> Scene::lights(const HaloModel& halo, std::span<const double> p,
+                                  std::span<const char> lit) const {
+  const Wanted nothing{};
+  Row row{nullptr, nothing, Layout(lamps_.size())};
+  const double kappa = std::exp(p[Layout::ln_kappa]);
+  std::vector<double> light(rings_ * lamps_.size());
+  for (size_t j = 0; j < lamps_.size(); ++j) {
+    if (!lit[j]) continue;
+    const LampTerms term = terms_of(j, halo, p, false);
+    for (size_t r = 0; r < rings_; ++r) light[r * lamps_.size() + j] = add_light(r, term, kappa, row);
+  }
+  return light;
 }
 
 Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<const double> p,
@@ -160,31 +199,26 @@ Scene::LampTerms Scene::terms_of(size_t j, const HaloModel& halo, std::span<cons
   if (want_jacobian)
     spread_halo(term.nodes.data());
   else
-    convolve<1>(convolution_, term.nodes.data());
+    convolve_halo(convolution_, term.nodes.data());
   return term;
 }
 
 void Scene::spread_halo(double* terms) const {
-  convolve<kTerms>(convolution_, terms);
+  convolve_terms(convolution_, terms);
 }
 
 // One lamp's light in one ring, and its part of the ring's row.
 double Scene::add_light(size_t r, const LampTerms& term, double kappa, Row& row) const {
   const size_t j = term.lamp;
   const Range& range = ranges_[r * lamps_.size() + j];
-  const double* weight = &weights_[range.offset];
+  const std::span<const double> weights = std::span(weights_).subspan(range.offset, range.count);
   const double* node = &term.nodes[range.start * (row.values ? size_t{kTerms} : 1)];
   const bool by_glare = !lamps_[j].core_seen;
   const bool core = by_glare && is_core_[r] && owner_[r] == static_cast<int>(j);
   const double lens = pattern_.lens.empty() ? 1.0 : 1.0 + pattern_.lens[r];
   const double beam = lens * term.beam * direct(r, j) * (core ? kappa : 1.0);
-  std::array<double, kTerms> sum{};
-  if (!row.values) {
-    for (size_t n = 0; n < range.count; ++n) sum[kHalo] += weight[n] * node[n];
-    return beam + sum[kHalo];
-  }
-  for (size_t n = 0; n < range.count; ++n)
-    for (size_t t = 0; t < kTerms; ++t) sum[t] += weight[n] * node[n * kTerms + t];
+  if (!row.values) return beam + std::inner_product(weights.begin(), weights.end(), node, 0.0);
+  const std::array<double, kTerms> sum = weighted_terms(weights, node);
   const double d_thickness = sum[kThickness] - term.thickness * beam;
   row.add(Layout::ln_sigma, d_thickness);
   row.add(Layout::q, sum[kQ]);

@@ -4,6 +4,9 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <span>
+
+#include "estimator/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {
@@ -39,6 +42,20 @@ bool is_hot(const Image<float>& radiance, const Image<float>& variance, int colu
   return sum < options.neighbour_part * rise * beside && highest < 0.4 * rise;
 }
 
+// Quick test of a row's inner pixels: above both neighbours by the threshold. It leaves a handful; false:
+// none.
+LAMPGLOW_VECTORIZED bool find_standing_out(std::span<const float> value, const float* variance,
+                                           float threshold, std::uint8_t* stands_out) {
+  unsigned any = 0;
+  for (size_t x = 1; x + 1 < value.size(); ++x) {
+    const float rise = value[x] - std::max(value[x - 1], value[x + 1]);
+    const std::uint8_t out = (rise > 0.0F) & (rise * rise * 2.0F > threshold * variance[x]);
+    stands_out[x] = out;
+    any |= out;
+  }
+  return any != 0;
+}
+
 }  // namespace
 
 std::vector<PixelIndex> find_hot_pixels(const Image<float>& radiance, const Image<float>& variance,
@@ -47,18 +64,11 @@ std::vector<PixelIndex> find_hot_pixels(const Image<float>& radiance, const Imag
   const int width = radiance.width_px;
   const auto threshold = static_cast<float>(options.threshold_sigma * options.threshold_sigma);
   std::vector<std::uint8_t> stands_out(static_cast<size_t>(std::max(width, 0)));
+  if (width < 3) return found;
   for (int row = 0; row < radiance.height_px; ++row) {
-    // Quick test, vectorised: above both neighbours in the row by the threshold. It leaves a handful.
-    const float* value = width > 0 ? &radiance.at(0, row) : nullptr;
-    const float* noise = width > 0 ? &variance.at(0, row) : nullptr;
-    unsigned any = 0;
-    for (int column = 1; column + 1 < width; ++column) {
-      const float rise = value[column] - std::max(value[column - 1], value[column + 1]);
-      const std::uint8_t out = (rise > 0.0F) & (rise * rise * 2.0F > threshold * noise[column]);
-      stands_out[static_cast<size_t>(column)] = out;
-      any |= out;
-    }
-    if (!any) continue;
+    if (!find_standing_out({&radiance.at(0, row), stands_out.size()}, &variance.at(0, row), threshold,
+                           stands_out.data()))
+      continue;
     for (int column = 1; column + 1 < width; ++column)
       if (stands_out[static_cast<size_t>(column)] && is_hot(radiance, variance, column, row, options))
         found.push_back({column, row});

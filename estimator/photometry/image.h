@@ -5,19 +5,32 @@
 #include <cstddef>
 #include <vector>
 
+#include "estimator/photometry/pixel_memory.h"
+
 namespace lampglow {
+
+template <typename T>
+using Pixels = std::vector<T, PixelAllocator<T>>;
 
 template <typename T>
 struct Image {
   int width_px = 0;
   int height_px = 0;
-  std::vector<T> pixels;  // width_px * height_px, row by row
+  Pixels<T> pixels;  // width_px * height_px, row by row
 
   Image() = default;
   Image(int width, int height, T value = T{})
       : width_px(width),
         height_px(height),
         pixels(static_cast<size_t>(width) * static_cast<size_t>(height), value) {}
+
+  // For what writes every pixel: their values are whatever is in the memory.
+  static Image unfilled(int width, int height) {
+    Image image;
+    image.width_px = width, image.height_px = height;
+    image.pixels.resize(static_cast<size_t>(width) * static_cast<size_t>(height));
+    return image;
+  }
 
   bool empty() const { return pixels.empty(); }
   bool contains(int column, int row) const {

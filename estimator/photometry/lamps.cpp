@@ -5,6 +5,10 @@
 #include <numeric>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <span>
+#include <vector>
+
+#include "estimator/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {
@@ -14,76 +18,106 @@ cv::Mat view(Image<float>& image) {
   return cv::Mat(image.height_px, image.width_px, CV_32F, image.pixels.data());
 }
 
-// The picture with `binning` x `binning` pixels averaged to one; masked pixels are left out of the mean.
+// Adds a row's pixels, `binning` by `binning`, to those that they become; none of them is masked.
+LAMPGLOW_VECTORIZED void add_pairs(const float* row, std::span<float> sums) {
+  for (size_t x = 0; x < sums.size(); ++x) sums[x] += row[2 * x] + row[2 * x + 1];
+}
+
+// One large pixel, with masked pixels left out of its mean.
+void bin_masked(const RadianceImage& image, int binning, int x, int y, RadianceImage& small) {
+  float sum = 0, variance = 0, count = 0;
+  std::uint8_t saturated = 0;
+  for (int row = y * binning; row < (y + 1) * binning; ++row) {
+    for (int column = x * binning; column < (x + 1) * binning; ++column) {
+      const std::uint8_t mask = image.mask.at(column, row);
+      if (mask & (kHot | kInvalid)) continue;
+      sum += image.radiance.at(column, row);
+      count += 1;
+      if (mask & kSaturated)
+        saturated = kSaturated;
+      else
+        variance += image.variance.at(column, row);
+    }
+  }
+  small.mask.at(x, y) = count > 0 ? saturated : kInvalid;
+  small.radiance.at(x, y) = count > 0 ? sum / count : 0;
+  small.variance.at(x, y) = count > 0 ? variance / (count * count) : 0;
+}
+
+// The picture with `binning` x `binning` pixels averaged to one.
 RadianceImage binned(const RadianceImage& image, int binning) {
   RadianceImage small;
-  small.saturation_radiance = image.saturation_radiance;
   const int width = image.radiance.width_px / binning, height = image.radiance.height_px / binning;
+  const auto length = static_cast<size_t>(width);
   small.radiance = Image<float>(width, height);
   small.variance = Image<float>(width, height);
   small.mask = Image<std::uint8_t>(width, height);
   for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      float sum = 0, variance = 0, count = 0;
-      std::uint8_t saturated = 0;
-      for (int j = 0; j < binning; ++j) {
-        for (int i = 0; i < binning; ++i) {
-          const int column = x * binning + i, row = y * binning + j;
-          const std::uint8_t mask = image.mask.at(column, row);
-          if (mask & (kHot | kInvalid)) continue;
-          sum += image.radiance.at(column, row);
-          count += 1;
-          if (mask & kSaturated)
-            saturated = kSaturated;
-          else
-            variance += image.variance.at(column, row);
-        }
-      }
-      small.mask.at(x, y) = count > 0 ? saturated : kInvalid;
-      small.radiance.at(x, y) = count > 0 ? sum / count : 0;
-      small.variance.at(x, y) = count > 0 ? variance / (count * count) : 0;
+    bool masked = binning != 2;
+    for (int row = y * binning; row < (y + 1) * binning; ++row)
+      masked = masked || any_masked({&image.mask.at(0, row), length * static_cast<size_t>(binning)});
+    if (masked) {
+      for (int x = 0; x < width; ++x) bin_masked(image, binning, x, y, small);
+      continue;
     }
+    const std::span<float> radiance(&small.radiance.at(0, y), length);
+    const std::span<float> variance(&small.variance.at(0, y), length);
+    for (const int row : {2 * y, 2 * y + 1}) {
+      add_pairs(&image.radiance.at(0, row), radiance);
+      add_pairs(&image.variance.at(0, row), variance);
+    }
+    for (float& value : radiance) value *= 1.0F / 4;
+    for (float& value : variance) value *= 1.0F / 16;
   }
   return small;
 }
 
+// How far a row stands above its background, in its noise.
+LAMPGLOW_VECTORIZED void above_background(std::span<const float> radiance, const std::uint8_t* mask,
+                                          const float* level, const float* sigma, float relative,
+                                          float* signal) {
+  for (size_t x = 0; x < radiance.size(); ++x) {
+    const float noise = std::sqrt(sigma[x] * sigma[x] + relative * relative * level[x] * level[x]) + 1e-30F;
+    const float rise = (radiance[x] - level[x]) / noise;
+    signal[x] = (mask[x] & (kHot | kInvalid)) != 0 ? 0.0F : rise;
+  }
+}
+
 // The picture as signal to noise of a point source at each pixel: (I - background)/σ, matched with a
 // Gaussian.
-cv::Mat matched_filter(const RadianceImage& image, const DetectionOptions& options, double psf_sigma_px) {
-  Background background =
-      background_mesh(image, std::max(8, options.mesh_px / options.binning), options.mesh_samples);
-  Image<float>& signal = background.level;  // reused
+Image<float> matched_filter(const RadianceImage& image, const DetectionOptions& options,
+                            double psf_sigma_px) {
+  const int width = image.radiance.width_px, height = image.radiance.height_px;
+  const Background background({image.radiance, &image.variance, &image.mask},
+                              std::max(8, options.mesh_px / options.binning), options.mesh_samples);
+  Image<float> signal = Image<float>::unfilled(width, height), smooth = Image<float>::unfilled(width, height);
   const auto relative = static_cast<float>(options.relative_error);
-  for (size_t i = 0; i < signal.pixels.size(); ++i) {
-    const float level = signal.pixels[i], sigma = background.sigma.pixels[i];
-    const float noise = std::sqrt(sigma * sigma + relative * relative * level * level) + 1e-30F;
-    const bool masked = image.mask.pixels[i] & (kHot | kInvalid);
-    signal.pixels[i] = masked ? 0.0F : (image.radiance.pixels[i] - level) / noise;
+  std::vector<float> level(static_cast<size_t>(width)), sigma(static_cast<size_t>(width));
+  for (int row = 0; row < height; ++row) {
+    background.levels_of_row(row, level);
+    background.sigmas_of_row(row, sigma);
+    above_background({&image.radiance.at(0, row), level.size()}, &image.mask.at(0, row), level.data(),
+                     sigma.data(), relative, &signal.at(0, row));
   }
-  background.sigma = {};  // pictures are large
-  cv::Mat smooth;
-  cv::GaussianBlur(view(signal), smooth, cv::Size(0, 0), psf_sigma_px);
-  smooth *= 2 * std::sqrt(3.141592653589793) * psf_sigma_px;  // 1/sqrt(Σ kernel²)
+  cv::Mat out = view(smooth);
+  cv::GaussianBlur(view(signal), out, cv::Size(0, 0), psf_sigma_px);
+  out *= 2 * std::sqrt(3.141592653589793) * psf_sigma_px;  // 1/sqrt(Σ kernel²)
   return smooth;
 }
 
-// What a picture without noise of its own varies by, cell by cell.
-Image<float> scatter_of(const cv::Mat& height, int cell_px, int samples) {
-  RadianceImage image;
-  image.radiance = Image<float>(height.cols, height.rows);
-  image.variance = Image<float>(height.cols, height.rows);
-  image.mask = Image<std::uint8_t>(height.cols, height.rows);
-  height.copyTo(view(image.radiance));
-  return background_mesh(image, cell_px, samples).sigma;
+LAMPGLOW_VECTORIZED void divide_by_roughness(std::span<float> row, const float* scatter) {
+  for (size_t x = 0; x < row.size(); ++x) row[x] /= std::max(scatter[x], 1.0F);
 }
 
 // Compression and structure make noise that is not white, and the matched filter's output is then rougher
 // than 1: divides by the scatter that it really has, cell by cell, where that is more.
-void normalise(cv::Mat& height, int cell_px, int samples) {
-  Image<float> scatter = scatter_of(height, cell_px, samples);
-  cv::Mat divisor = view(scatter);
-  cv::max(divisor, 1.0F, divisor);
-  height /= divisor;
+void normalise(Image<float>& height, int cell_px, int samples) {
+  const Background background({height}, cell_px, samples);
+  std::vector<float> scatter(static_cast<size_t>(height.width_px));
+  for (int row = 0; row < height.height_px; ++row) {
+    background.sigmas_of_row(row, scatter);
+    divide_by_roughness({&height.at(0, row), scatter.size()}, scatter.data());
+  }
 }
 
 struct Peak {
@@ -91,23 +125,26 @@ struct Peak {
   float height;
 };
 
-// Peaks of one patch whose prominence is enough: pixels are taken from the highest down and joined to what
-// they touch; where two hills meet, the lower ends, and counts if it rises enough above that saddle.
+// Peaks whose prominence is enough: pixels are taken from the highest down and joined to what they touch;
+// where two hills meet, the lower ends, and counts if it rises enough above that saddle.
 class HillClimber {
  public:
-  HillClimber(const cv::Mat& height, const DetectionOptions& options) : height_(height), options_(options) {
-    hill_of_ = cv::Mat(height.size(), CV_32S, cv::Scalar(-1));
-  }
+  HillClimber(const Image<float>& height, const DetectionOptions& options)
+      : height_(height), options_(options), hill_of_(height.width_px, height.height_px, -1) {}
 
-  void climb(std::vector<cv::Point>& patch, std::vector<Peak>& peaks) {
-    std::sort(patch.begin(), patch.end(), [this](cv::Point a, cv::Point b) {
-      const float ha = height_.at<float>(a), hb = height_.at<float>(b);
-      return ha != hb ? ha > hb : (a.y != b.y ? a.y < b.y : a.x < b.x);
+  std::vector<Peak> climb() {
+    std::vector<PixelIndex> high;
+    for (int row = 0; row < height_.height_px; ++row)
+      for (int column = 0; column < height_.width_px; ++column)
+        if (height_.at(column, row) > options_.threshold_sigma) high.push_back({column, row});
+    std::sort(high.begin(), high.end(), [this](const PixelIndex& a, const PixelIndex& b) {
+      const float ha = height_.at(a.column, a.row), hb = height_.at(b.column, b.row);
+      return ha != hb ? ha > hb : (a.row != b.row ? a.row < b.row : a.column < b.column);
     });
-    hills_.clear();
-    for (const cv::Point pixel : patch) add(pixel, peaks);
+    for (const PixelIndex& pixel : high) add(pixel);
     for (size_t hill = 0; hill < hills_.size(); ++hill)
-      if (root(static_cast<int>(hill)) == static_cast<int>(hill)) peaks.push_back(hills_[hill].peak);
+      if (root(static_cast<int>(hill)) == static_cast<int>(hill)) peaks_.push_back(hills_[hill].peak);
+    return std::move(peaks_);
   }
 
  private:
@@ -121,58 +158,41 @@ class HillClimber {
     return hill;
   }
 
-  void add(cv::Point pixel, std::vector<Peak>& peaks) {
-    const float height = height_.at<float>(pixel);
+  void add(const PixelIndex& pixel) {
+    const float height = height_.at(pixel.column, pixel.row);
     int mine = -1;
-    for (int dy = -1; dy <= 1; ++dy) {
-      for (int dx = -1; dx <= 1; ++dx) {
-        const cv::Point next(pixel.x + dx, pixel.y + dy);
-        if (next.x < 0 || next.y < 0 || next.x >= height_.cols || next.y >= height_.rows) continue;
-        const int label = hill_of_.at<int>(next);
-        if (label < 0) continue;
-        const int other = root(label);
-        mine = mine < 0 || mine == other ? other : join(mine, other, height, peaks);
+    for (int row = pixel.row - 1; row <= pixel.row + 1; ++row) {
+      for (int column = pixel.column - 1; column <= pixel.column + 1; ++column) {
+        if (!hill_of_.contains(column, row) || hill_of_.at(column, row) < 0) continue;
+        const int other = root(hill_of_.at(column, row));
+        mine = mine < 0 || mine == other ? other : join(mine, other, height);
       }
     }
     if (mine < 0) {
       mine = static_cast<int>(hills_.size());
-      hills_.push_back({{pixel.x, pixel.y, height}, mine});
+      hills_.push_back({{pixel.column, pixel.row, height}, mine});
     }
-    hill_of_.at<int>(pixel) = mine;
+    hill_of_.at(pixel.column, pixel.row) = mine;
   }
 
-  int join(int a, int b, float saddle, std::vector<Peak>& peaks) {
-    Hill &first = hills_[static_cast<size_t>(a)], &second = hills_[static_cast<size_t>(b)];
-    const bool first_higher = first.peak.height >= second.peak.height;
-    Hill &high = first_higher ? first : second, &low = first_higher ? second : first;
+  int join(int a, int b, float saddle) {
+    const bool first_higher =
+        hills_[static_cast<size_t>(a)].peak.height >= hills_[static_cast<size_t>(b)].peak.height;
+    const int high = first_higher ? a : b;
+    Hill& low = hills_[static_cast<size_t>(first_higher ? b : a)];
     const double prominence = low.peak.height - saddle;
     if (prominence > options_.prominence_part * low.peak.height && prominence > options_.threshold_sigma)
-      peaks.push_back(low.peak);
-    low.parent = first_higher ? a : b;
-    (void)high;
-    return first_higher ? a : b;
+      peaks_.push_back(low.peak);
+    low.parent = high;
+    return high;
   }
 
-  const cv::Mat& height_;
+  const Image<float>& height_;
   const DetectionOptions& options_;
-  cv::Mat hill_of_;
+  Image<int> hill_of_;
   std::vector<Hill> hills_;
+  std::vector<Peak> peaks_;
 };
-
-std::vector<Peak> find_peaks(const cv::Mat& height, const DetectionOptions& options) {
-  cv::Mat labels;
-  const int patches = cv::connectedComponents(height > options.threshold_sigma, labels, 8, CV_32S);
-  std::vector<std::vector<cv::Point>> pixels(static_cast<size_t>(patches));
-  for (int y = 0; y < labels.rows; ++y) {
-    const int* label = labels.ptr<int>(y);
-    for (int x = 0; x < labels.cols; ++x)
-      if (label[x] > 0) pixels[static_cast<size_t>(label[x])].emplace_back(x, y);
-  }
-  std::vector<Peak> peaks;
-  HillClimber climber(height, options);
-  for (auto& patch : pixels) climber.climb(patch, peaks);
-  return peaks;
-}
 
 }  // namespace
 
@@ -183,12 +203,12 @@ std::vector<DetectedLight> detect_lights(const RadianceImage& image, const Detec
   // A pixel of 2x2 has the lamp's own spread and its own: σ² / 4 + 1/12 of the large pixel.
   const double psf =
       std::max(0.7, std::sqrt(options.psf_sigma_px * options.psf_sigma_px / (binning * binning)));
-  cv::Mat height = binning > 1 ? matched_filter(binned(image, binning), options, psf)
-                               : matched_filter(image, options, psf);
+  Image<float> height = binning > 1 ? matched_filter(binned(image, binning), options, psf)
+                                    : matched_filter(image, options, psf);
   normalise(height, std::max(16, 2 * options.mesh_px / binning), options.mesh_samples);
-  std::vector<Peak> peaks = find_peaks(height, options);
+  std::vector<Peak> peaks = HillClimber(height, options).climb();
   std::sort(peaks.begin(), peaks.end(), [](const Peak& a, const Peak& b) {
-    // Equal heights in reading order: OpenCV's threads may number the patches in any.
+    // Equal heights in reading order.
     return a.height != b.height ? a.height > b.height
                                 : (a.row != b.row ? a.row < b.row : a.column < b.column);
   });

@@ -3,6 +3,7 @@
 // for deblending.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -39,13 +40,30 @@ struct DetectionOptions {
   double relative_error = 0.02;  // what the mesh's own structure may be off by, as part of the background
 };
 
+// A picture, with what is known of its noise and its pixels; null: nothing.
+struct RadianceView {
+  const Image<float>& radiance;
+  const Image<float>* variance = nullptr;
+  const Image<std::uint8_t>* mask = nullptr;
+};
+
 // Background and noise of a picture on a mesh: sigma-clipped median of each cell, median-filtered over 3x3
 // cells, bilinear between the cells' middles. Masked pixels don't count.
-struct Background {
-  Image<float> level;
-  Image<float> sigma;  // one standard deviation of a pixel
+class Background {
+ public:
+  Background(const RadianceView& image, int mesh_px, int samples = 16);
+
+  // Of each pixel of a row; as many as the picture is wide. Sigma: one standard deviation of a pixel.
+  void levels_of_row(int row, std::span<float> level) const;
+  void sigmas_of_row(int row, std::span<float> sigma) const;
+
+ private:
+  void row_of(const Image<float>& mesh, int row, std::span<float> out) const;
+
+  Image<float> level_, sigma_;  // a pixel a cell
+  std::vector<std::int32_t> column_cell_, row_cell_;
+  std::vector<float> column_part_, row_part_;
 };
-Background background_mesh(const RadianceImage& image, int mesh_px, int samples = 16);
 
 // All lights in the picture, brightest first. Hot and invalid pixels are left out; saturated ones count with
 // what they are clipped at.

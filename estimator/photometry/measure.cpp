@@ -65,8 +65,9 @@ Plane ring_background(const RadianceImage& image, double x, double y, double inn
     for (int column = static_cast<int>(std::floor(x - outer_px)); column <= static_cast<int>(x + outer_px);
          ++column) {
       if (!usable(image, column, row)) continue;
-      const double dx = column + 0.5 - x, dy = row + 0.5 - y, r = std::hypot(dx, dy);
-      if (r >= inner_px && r < outer_px) samples.push_back({dx, dy, image.radiance.at(column, row)});
+      const double dx = column + 0.5 - x, dy = row + 0.5 - y, r2 = dx * dx + dy * dy;
+      if (r2 >= inner_px * inner_px && r2 < outer_px * outer_px)
+        samples.push_back({dx, dy, image.radiance.at(column, row)});
     }
   }
   double rms = 0;
@@ -102,12 +103,18 @@ struct Moments {
 Moments window_moments(const RadianceImage& image, const Plane& plane, double x, double y, double sigma_px) {
   Moments m;
   const double reach = 3.5 * sigma_px, scale = -0.5 / (sigma_px * sigma_px);
+  const int left = static_cast<int>(std::floor(x - reach)), right = static_cast<int>(x + reach);
+  std::vector<double> along_x;  // the Gaussian is one of x times one of y
+  for (int column = left; column <= right; ++column) {
+    const double dx = column + 0.5 - x;
+    along_x.push_back(std::exp(scale * dx * dx));
+  }
   for (int row = static_cast<int>(std::floor(y - reach)); row <= static_cast<int>(y + reach); ++row) {
-    for (int column = static_cast<int>(std::floor(x - reach)); column <= static_cast<int>(x + reach);
-         ++column) {
+    const double dy = row + 0.5 - y, along_y = std::exp(scale * dy * dy);
+    for (int column = left; column <= right; ++column) {
       if (!usable(image, column, row)) continue;
-      const double dx = column + 0.5 - x, dy = row + 0.5 - y;
-      const double w = std::exp(scale * (dx * dx + dy * dy));
+      const double dx = column + 0.5 - x;
+      const double w = along_x[static_cast<size_t>(column - left)] * along_y;
       const double value = w * (image.radiance.at(column, row) - plane.at(column + 0.5, row + 0.5));
       const double variance = w * w * std::max(finite_variance(image, column, row), 1e-30);
       m.weight_sum += value;

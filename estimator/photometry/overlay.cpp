@@ -1,41 +1,34 @@
 #include "estimator/photometry/overlay.h"
 
-#include <algorithm>
-#include <cmath>
-#include <cstdlib>
-#include <vector>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "estimator/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {
 
-struct RowLook {
-  int median_dn = 0;
-  bool flat_black = false;  // most pixels are black, to a step or two
-};
-
-RowLook look_at_row(const Image<std::uint16_t>& pixels, int row, double black_dn, double step_dn) {
-  std::vector<std::uint16_t> dn(&pixels.at(0, row), &pixels.at(0, row) + pixels.width_px);
-  const auto middle = dn.begin() + static_cast<std::ptrdiff_t>(dn.size() / 2);
-  std::nth_element(dn.begin(), middle, dn.end());
-  RowLook look;
-  look.median_dn = *middle;
-  const auto same = std::count_if(dn.begin(), dn.end(),
-                                  [&](std::uint16_t value) { return value <= black_dn + 6.5 * step_dn; });
-  look.flat_black = look.median_dn <= black_dn + 4.5 * step_dn && same * 2 > pixels.width_px;
-  return look;
+// Whether the median of a row is at most `limit_dn`.
+LAMPGLOW_VECTORIZED bool mostly_up_to(std::span<const std::uint16_t> row, std::uint16_t limit_dn) {
+  std::uint32_t count = 0;
+  for (const std::uint16_t dn : row) count += dn <= limit_dn;
+  return 2 * size_t{count} > row.size();
 }
 
 // Rows of the band that begins at `edge` and goes inwards.
 int band(const Image<std::uint16_t>& pixels, int edge, int direction, double black_dn, double step_dn) {
   const int most = pixels.height_px / 10;
+  const auto row_up_to = [&](int row, double steps) {
+    const std::span<const std::uint16_t> dn(&pixels.at(0, row), static_cast<size_t>(pixels.width_px));
+    return mostly_up_to(dn, static_cast<std::uint16_t>(black_dn + steps * step_dn));
+  };
   int rows = 0;
-  while (rows <= most && look_at_row(pixels, edge + direction * rows, black_dn, step_dn).flat_black) ++rows;
+  while (rows <= most && row_up_to(edge + direction * rows, 4.5)) ++rows;  // black, to a step or two
   if (rows == 0 || rows > most) return 0;
   // The jump: the second and third row after the band are both clearly brighter.
-  for (const int beyond : {1, 2}) {
-    const RowLook look = look_at_row(pixels, edge + direction * (rows + beyond), black_dn, step_dn);
-    if (look.median_dn < black_dn + 12 * step_dn) return 0;
-  }
+  for (const int beyond : {1, 2})
+    if (row_up_to(edge + direction * (rows + beyond), 12)) return 0;
   return rows + 1;
 }
 

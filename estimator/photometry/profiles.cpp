@@ -8,6 +8,7 @@
 #include <string>
 
 #include "estimator/photometry/median.h"
+#include "estimator/photometry/radiance.h"
 
 namespace lampglow::photometry {
 namespace {
@@ -68,6 +69,19 @@ void sample_inner_ring(Ring& ring, const RingCentre& centre, const AngularScale&
   }
   ring.mean_x_px = centre.x_px;
   ring.mean_y_px = centre.y_px;
+}
+
+void find_runs(RingMap& map) {
+  const Image<RingIndex>& rings = map.ring_of_pixel;
+  map.first_run.push_back(0);
+  for (int row = 0; row < rings.height_px; ++row) {
+    for (int column = 0, next = 0; column < rings.width_px; column = next) {
+      const RingIndex ring = rings.at(column, row);
+      for (next = column + 1; next < rings.width_px && rings.at(next, row) == ring;) ++next;
+      if (ring >= 0) map.runs.push_back({ring, column, next - 1});
+    }
+    map.first_run.push_back(map.runs.size());
+  }
 }
 
 // A few of the ring's own pixels, evenly strided: they carry the shape of what the neighbours left of it.
@@ -149,60 +163,95 @@ struct Run {
   std::uint32_t first, count;  // pixels of the picture, row by row
 };
 
-// The reference's rings under the pixels of one row, −1 outside. The camera turns so little that over a few
-// pixels the same whole shift serves; where it changes each pixel is looked up by itself.
-void rings_under_row(const RingMap& map, const Motion& motion, int row, std::vector<RingIndex>& rings) {
-  constexpr int kBlock = 16;
-  const int width = static_cast<int>(rings.size());
-  const auto ring_at = [&](int column) {
-    int x = 0, y = 0;
-    motion.to_reference(column + 0.5, row + 0.5, x, y);
-    return map.ring_of_pixel.contains(x, y) ? map.ring_of_pixel.at(x, y) : RingIndex{-1};
-  };
-  for (int first = 0; first < width; first += kBlock) {
-    const int last = std::min(first + kBlock, width) - 1;
-    int x = 0, y = 0, last_x = 0, last_y = 0;
-    motion.to_reference(first + 0.5, row + 0.5, x, y);
-    motion.to_reference(last + 0.5, row + 0.5, last_x, last_y);
-    const bool straight = y == last_y && last_x - x == last - first;
-    if (straight && map.ring_of_pixel.contains(x, y) && map.ring_of_pixel.contains(last_x, y))
-      std::copy_n(&map.ring_of_pixel.at(x, y), last - first + 1, &rings[static_cast<size_t>(first)]);
-    else
-      for (int column = first; column <= last; ++column) rings[static_cast<size_t>(column)] = ring_at(column);
-  }
-}
+// What each outer ring has of the frame, row by row: neither masked nor saturated, which is counted.
+class OuterRuns {
+ public:
+  OuterRuns(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out)
+      : frame_(frame), map_(map), motion_(motion), inner_(inner_rings(map)), out_(out) {}
 
-// What each outer ring has of the frame: neither masked nor saturated, which is counted.
-std::vector<Run> outer_runs(const FrameView& frame, const RingMap& map, const Motion& motion, Gathered& out) {
-  const std::vector<char> inner = inner_rings(map);
-  const auto width = static_cast<size_t>(frame.radiance.width_px);
-  std::vector<RingIndex> rings(width);
-  std::vector<Run> runs;
-  for (int row = 0; row < frame.radiance.height_px; ++row) {
-    rings_under_row(map, motion, row, rings);
-    const std::uint8_t* mask = &frame.mask.at(0, row);
-    const size_t start = static_cast<size_t>(row) * width;
-    std::int32_t last = -1;
-    for (size_t column = 0; column < width; ++column) {
-      std::int32_t ring = rings[column];
-      if (ring >= 0 && mask[column] != 0) {
-        if (!inner[static_cast<size_t>(ring)] && !(mask[column] & frame.bad_bits) &&
-            (mask[column] & frame.saturated_bits))
-          out.saturated[static_cast<size_t>(ring)] += 1;
-        if (mask[column] & (frame.bad_bits | frame.saturated_bits)) ring = -1;
-      }
-      if (ring >= 0 && ring == last)
-        ++runs.back().count;
-      else if (ring >= 0)
-        runs.push_back({ring, static_cast<std::uint32_t>(start + column), 1});
-      last = ring;
+  std::vector<Run> gather() {
+    for (row_ = 0; row_ < frame_.radiance.height_px; ++row_) gather_row();
+    std::erase_if(runs_, [&](const Run& run) { return inner_[static_cast<size_t>(run.ring)] != 0; });
+    out_.total = out_.saturated;
+    for (const Run& run : runs_) out_.total[static_cast<size_t>(run.ring)] += run.count;
+    return std::move(runs_);
+  }
+
+ private:
+  struct Place {
+    int x, y;
+  };
+  Place reference_of(int column) const {
+    Place place{};
+    motion_.to_reference(column + 0.5, row_ + 0.5, place.x, place.y);
+    return place;
+  }
+
+  // The camera turns so little that over many pixels the same whole shift serves; where it changes each pixel
+  // is looked up by itself.
+  void gather_row() {
+    constexpr int kBlock = 16;
+    const int width = frame_.radiance.width_px;
+    masked_ = any_masked({&frame_.mask.at(0, row_), static_cast<size_t>(width)});
+    for (int first = 0; first < width;) {
+      const Place begin = reference_of(first);
+      const auto straight_to = [&](int column) {
+        const Place end = reference_of(column);
+        return end.y == begin.y && end.x - begin.x == column - first;
+      };
+      int last = first;
+      while (last + 1 < width && straight_to(std::min(last + kBlock, width - 1)))
+        last = std::min(last + kBlock, width - 1);
+      add_straight(first, last, begin);
+      first = last + 1;
     }
   }
-  std::erase_if(runs, [&](const Run& run) { return inner[static_cast<size_t>(run.ring)] != 0; });
-  out.total = out.saturated;
-  for (const Run& run : runs) out.total[static_cast<size_t>(run.ring)] += run.count;
-  return runs;
-}
+
+  // Pixels first..last of the row, which lie side by side in the reference as well.
+  void add_straight(int first, int last, Place begin) {
+    if (begin.y < 0 || begin.y >= map_.ring_of_pixel.height_px) return;
+    const auto y = static_cast<size_t>(begin.y);
+    const int shift = begin.x - first;
+    const auto row_begin = map_.runs.begin() + static_cast<std::ptrdiff_t>(map_.first_run[y]);
+    const auto row_end = map_.runs.begin() + static_cast<std::ptrdiff_t>(map_.first_run[y + 1]);
+    auto run = std::partition_point(row_begin, row_end,
+                                    [&](const RingRun& r) { return r.last_column < first + shift; });
+    for (; run != row_end && run->first_column <= last + shift; ++run)
+      add(run->ring, std::max(first, run->first_column - shift), std::min(last, run->last_column - shift));
+  }
+
+  void add(RingIndex ring, int first, int last) {
+    const auto start =
+        static_cast<std::uint32_t>(row_) * static_cast<std::uint32_t>(frame_.radiance.width_px);
+    if (!masked_) {
+      append(ring, start + static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last - first + 1));
+      return;
+    }
+    for (int column = first; column <= last; ++column) {
+      const std::uint8_t mask = frame_.mask.at(column, row_);
+      if (!inner_[static_cast<size_t>(ring)] && !(mask & frame_.bad_bits) && (mask & frame_.saturated_bits))
+        out_.saturated[static_cast<size_t>(ring)] += 1;
+      if (!(mask & (frame_.bad_bits | frame_.saturated_bits)))
+        append(ring, start + static_cast<std::uint32_t>(column), 1);
+    }
+  }
+
+  void append(RingIndex ring, std::uint32_t first, std::uint32_t count) {
+    if (!runs_.empty() && runs_.back().ring == ring && runs_.back().first + runs_.back().count == first)
+      runs_.back().count += count;
+    else
+      runs_.push_back({ring, first, count});
+  }
+
+  const FrameView& frame_;
+  const RingMap& map_;
+  const Motion& motion_;
+  std::vector<char> inner_;
+  Gathered& out_;
+  int row_ = 0;
+  bool masked_ = false;
+  std::vector<Run> runs_;
+};
 
 // Within a few pixels of a lamp: rings with soft edges, so that the sub-pixel phase does not matter.
 void gather_inner(const FrameView& frame, const RingMap& map, const Motion& motion, double focal_px,
@@ -260,7 +309,7 @@ struct ClipRange {
 // evenly strided, tells that as well.
 std::vector<ClipRange> clip_ranges(const FrameView& frame, std::span<const Run> runs,
                                    const std::vector<double>& counts, double clip_sigma) {
-  constexpr std::uint32_t kEnough = 1000;
+  constexpr std::uint32_t kEnough = 500;
   const size_t count = counts.size();
   std::vector<std::uint32_t> skip(count, 0);  // pixels until the next one that is taken
   std::vector<std::vector<float>> values(count);
@@ -380,6 +429,7 @@ RingMap make_ring_map(const Camera& camera, std::span<const RingCentre> centres,
       const int k = ring_of_angle(owner.theta, map.edges_rad);
       if (k >= 0) map.ring_of_pixel.at(column, row) = static_cast<RingIndex>(owner.lamp * options.rings + k);
     }
+  find_runs(map);
   sample_outer_rings(map, scale);
   for (Ring& ring : map.rings)
     if (ring.theta_high_rad <= map.inner_zone_rad)
@@ -392,7 +442,7 @@ std::vector<RingMean> measure_rings(const FrameView& frame, const RingMap& map) 
   const size_t count = map.rings.size();
   Gathered gathered{std::vector<std::vector<Sample>>(count), std::vector<double>(count, 0.0),
                     std::vector<double>(count, 0.0)};
-  const std::vector<Run> runs = outer_runs(frame, map, motion, gathered);
+  const std::vector<Run> runs = OuterRuns(frame, map, motion, gathered).gather();
   std::vector<RingMean> means = outer_means(frame, runs, gathered.total, map.options.clip_sigma);
   const double focal_px = map.options.core_radius_px / map.edges_rad[1];
   gather_inner(frame, map, motion, focal_px, gathered);

@@ -65,12 +65,21 @@ struct Ring {
 using RingIndex = std::int16_t;
 inline constexpr std::size_t kMaxRings = std::numeric_limits<RingIndex>::max();
 
+// Pixels side by side in a row that belong to one ring.
+struct RingRun {
+  RingIndex ring;
+  int first_column, last_column;
+};
+
 // Which pixel belongs to which ring: computed once for a reference, used for every frame of it.
 struct RingMap {
   std::vector<RingCentre> centres;
   std::vector<Ring> rings;         // lamp by lamp, inside out, options.rings each
   std::vector<double> edges_rad;   // options.rings + 1, first 0
   Image<RingIndex> ring_of_pixel;  // -1: none
+  // The same as runs, which frames are read by; row y's are first_run[y] up to first_run[y + 1].
+  std::vector<RingRun> runs;
+  std::vector<std::size_t> first_run;
   RingOptions options;
   double inner_zone_rad = 0;  // within this angle rings are measured with sub-pixel weights
 };

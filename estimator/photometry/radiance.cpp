@@ -5,27 +5,47 @@
 #include <limits>
 #include <stdexcept>
 
+#include "estimator/photometry/merge.h"
 #include "estimator/photometry/overlay.h"
 #include "estimator/photometry/response.h"
 #include "estimator/photometry/vignetting.h"
+#include "estimator/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// An exposure on its way into the merge.
-struct Layer {
-  const Exposure* exposure;
-  double effective_s;  // time times gain; 1 where unknown
-  NoiseModel noise;
-  std::vector<float> code_variance;  // by DN: slope² · code²; empty if it is the same everywhere
+// The range of one exposure, DN.
+struct Extremes {
+  std::uint16_t darkest = 0xFFFF;
+  std::vector<std::uint16_t> brightest_of_row;
 };
+
+LAMPGLOW_VECTORIZED void extremes_of_row(std::span<const std::uint16_t> dn, std::uint16_t& darkest,
+                                         std::uint16_t& brightest) {
+  std::uint16_t low = darkest, high = brightest;
+  for (const std::uint16_t value : dn) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  darkest = low, brightest = high;
+}
+
+Extremes extremes_of(const Image<std::uint16_t>& pixels) {
+  Extremes extremes;
+  const auto width = static_cast<size_t>(pixels.width_px);
+  extremes.brightest_of_row.resize(static_cast<size_t>(pixels.height_px));
+  for (size_t row = 0; row < extremes.brightest_of_row.size(); ++row)
+    extremes_of_row(std::span(pixels.pixels).subspan(row * width, width), extremes.darkest,
+                    extremes.brightest_of_row[row]);
+  return extremes;
+}
 
 // What is wrong with one exposure, if anything.
 // `overexposed`: every pixel is saturated, as in a bracket's longest exposure of fog by day.
 std::string exposure_fault(const Exposure& exposure, const Camera& camera, QualityFlags& quality,
-                           bool& overexposed) {
+                           Extremes& extremes, bool& overexposed) {
   const auto size = [](int width, int height) {
     return std::to_string(width) + "x" + std::to_string(height);
   };
@@ -35,11 +55,9 @@ std::string exposure_fault(const Exposure& exposure, const Camera& camera, Quali
     return exposure.name + ": " + size(pixels.width_px, pixels.height_px) + " pixels, expected " +
            size(camera.width_px, camera.height_px);
   }
-  std::uint16_t darkest = 0xFFFF, brightest = 0;
-  for (const std::uint16_t dn : pixels.pixels) {
-    darkest = std::min(darkest, dn);
-    brightest = std::max(brightest, dn);
-  }
+  extremes = extremes_of(pixels);
+  const std::uint16_t darkest = extremes.darkest;
+  const std::uint16_t brightest = *std::ranges::max_element(extremes.brightest_of_row);
   if (brightest >= 1U << static_cast<unsigned>(camera.bit_depth)) {
     quality.set(Quality::frame_wrong_depth);
     return exposure.name + ": value " + std::to_string(brightest) + ", expected at most " +
@@ -65,13 +83,15 @@ std::vector<Layer> usable_layers(const Bracket& bracket, const Camera& camera, R
   bool any_overexposed = false;
   for (const Exposure& exposure : bracket.exposures) {
     bool overexposed = false;
-    const std::string fault = exposure_fault(exposure, camera, result.quality, overexposed);
+    Extremes extremes;
+    const std::string fault = exposure_fault(exposure, camera, result.quality, extremes, overexposed);
     any_overexposed = any_overexposed || overexposed;
     if (!fault.empty()) add_fault(result.fault, fault);
     if (!fault.empty() || overexposed) continue;
     const bool timed = exposure.exposure_s && *exposure.exposure_s > 0;
     const double gain = std::pow(10.0, exposure.gain_db.value_or(0) / 20);
-    layers.push_back({&exposure, timed ? *exposure.exposure_s * gain : 0.0, {}, {}});
+    layers.push_back(
+        {&exposure, timed ? *exposure.exposure_s * gain : 0.0, std::move(extremes.brightest_of_row), {}, {}});
   }
   if (layers.empty() && any_overexposed) {
     result.quality.set(Quality::frame_blank);
@@ -100,214 +120,6 @@ std::vector<float> code_variance(std::span<const float> linear, double code_nois
   }
   return variance;
 }
-
-// One row of one exposure: linear signal, trust 0..1, and the part of the variance that is not shot noise.
-struct RowBuffer {
-  std::vector<float> signal, trust, floor_variance;
-};
-
-struct MergeLimits {
-  std::uint16_t saturated_dn;  // from here on a pixel is saturated
-  float fade_from;             // linear DN where trust begins to fall
-  float fade_to;               // and where it is (nearly) zero
-};
-
-// Pixels of `row` that lie within `radius` of a saturated pixel lose their trust. `rows_with` tells which
-// rows have one.
-void spread_bloom(const Exposure& exposure, const std::vector<std::uint8_t>& rows_with,
-                  std::uint16_t saturated_dn, int radius, int row, std::vector<float>& trust) {
-  const int width = exposure.pixels.width_px, height = exposure.pixels.height_px;
-  for (int y = std::max(0, row - radius); y <= std::min(height - 1, row + radius); ++y) {
-    if (!rows_with[static_cast<size_t>(y)]) continue;
-    const std::uint16_t* dn = &exposure.pixels.at(0, y);
-    for (int x = 0; x < width; ++x) {
-      if (dn[x] < saturated_dn) continue;
-      const int from = std::max(0, x - radius), to = std::min(width - 1, x + radius);
-      for (int i = from; i <= to; ++i) trust[static_cast<size_t>(i)] = 0;
-    }
-  }
-}
-
-std::vector<std::uint8_t> rows_with_saturation(const Exposure& exposure, std::uint16_t saturated_dn) {
-  std::vector<std::uint8_t> rows(static_cast<size_t>(exposure.pixels.height_px));
-  const int width = exposure.pixels.width_px;
-  for (int y = 0; y < exposure.pixels.height_px; ++y) {
-    const std::uint16_t* dn = &exposure.pixels.at(0, y);
-    std::uint16_t highest = 0;
-    for (int x = 0; x < width; ++x) highest = std::max(highest, dn[x]);
-    rows[static_cast<size_t>(y)] = highest >= saturated_dn;
-  }
-  return rows;
-}
-
-class Merger {
- public:
-  Merger(std::vector<Layer> layers, const Camera& camera, const RadianceOptions& options,
-         std::span<const float> linear)
-      : layers_(std::move(layers)),
-        linear_(linear),
-        width_(static_cast<size_t>(camera.width_px)),
-        is_linear_(camera.response.kind == Response::Kind::linear),
-        black_(static_cast<float>(camera.black_level_dn)),
-        bloom_radius_px_(options.bloom_radius_px) {
-    const double range = camera.saturation_dn - camera.black_level_dn;
-    limits_.saturated_dn =
-        static_cast<std::uint16_t>(std::ceil(camera.black_level_dn + options.saturation_fraction * range));
-    const double top = linear[limits_.saturated_dn];
-    limits_.fade_to = static_cast<float>(top);
-    limits_.fade_from = static_cast<float>(0.9 * top);
-    for (const Layer& layer : layers_) {
-      buffers_.push_back(
-          {std::vector<float>(width_), std::vector<float>(width_), std::vector<float>(width_)});
-      saturated_rows_.push_back(rows_with_saturation(*layer.exposure, limits_.saturated_dn));
-    }
-  }
-
-  float saturation_radiance() const {
-    return limits_.fade_to / static_cast<float>(layers_.back().effective_s);
-  }
-
-  void merge_row(int row, RadianceImage& out) {
-    for (size_t i = 0; i < layers_.size(); ++i) load_row(i, row);
-    if (layers_.size() == 1)
-      copy_row(row, out);
-    else
-      combine_row(row, out);
-    mark_row(row, out);
-  }
-
- private:
-  // Fills the buffers of layer i.
-  void load_row(size_t i, int row) {
-    const Layer& layer = layers_[i];
-    const std::uint16_t* dn = &layer.exposure->pixels.at(0, row);
-    float* signal = buffers_[i].signal.data();
-    float* trust = buffers_[i].trust.data();
-    float* floor = buffers_[i].floor_variance.data();
-    const auto read = static_cast<float>(layer.noise.read_noise_dn * layer.noise.read_noise_dn);
-    if (is_linear_) {
-      const float constant = read + static_cast<float>(layer.noise.code_noise_dn * layer.noise.code_noise_dn);
-      for (size_t x = 0; x < width_; ++x) {
-        signal[x] = static_cast<float>(dn[x]) - black_;
-        floor[x] = constant;
-      }
-    } else {
-      const float* code = layer.code_variance.data();
-      for (size_t x = 0; x < width_; ++x) {
-        signal[x] = linear_[dn[x]];
-        floor[x] = read + code[dn[x]];
-      }
-    }
-    // A little trust is left up to saturation, for the exposure that has no other beside it.
-    const float from = limits_.fade_from, scale = 1.0F / (limits_.fade_to - limits_.fade_from);
-    for (size_t x = 0; x < width_; ++x) {
-      const float part = 1.0F - (signal[x] - from) * scale;
-      trust[x] = std::min(1.0F, std::max(part, 1e-3F));
-    }
-    spread_bloom(*layer.exposure, saturated_rows_[i], limits_.saturated_dn, bloom_radius_px_, row,
-                 buffers_[i].trust);
-  }
-
-  void copy_row(int row, RadianceImage& out) {
-    const auto per_second = static_cast<float>(1 / layers_[0].effective_s);
-    const auto gain = static_cast<float>(layers_[0].noise.gain_dn_per_electron);
-    const float* signal = buffers_[0].signal.data();
-    const float* floor = buffers_[0].floor_variance.data();
-    float* radiance = &out.radiance.at(0, row);
-    float* variance = &out.variance.at(0, row);
-    for (size_t x = 0; x < width_; ++x) {
-      radiance[x] = signal[x] * per_second;
-      variance[x] = (gain * std::max(signal[x], 0.0F) + floor[x]) * per_second * per_second;
-    }
-  }
-
-  void combine_row(int row, RadianceImage& out) {
-    float* radiance = &out.radiance.at(0, row);
-    float* variance = &out.variance.at(0, row);
-    sum_.assign(width_, 0);
-    weight_.assign(width_, 0);
-    square_.assign(width_, 0);
-    pooled_.assign(width_, 0);
-    seconds_.assign(width_, 1e-30F);
-    float* sum = sum_.data();
-    float* weight = weight_.data();
-    float* square = square_.data();
-    float* pooled = pooled_.data();
-    float* seconds = seconds_.data();
-    for (size_t i = 0; i < layers_.size(); ++i) {
-      const float* signal = buffers_[i].signal.data();
-      const float* trust = buffers_[i].trust.data();
-      const auto t = static_cast<float>(layers_[i].effective_s);
-      for (size_t x = 0; x < width_; ++x) {
-        pooled[x] += trust[x] * signal[x];
-        seconds[x] += trust[x] * t;
-      }
-    }
-    for (size_t x = 0; x < width_; ++x) pooled[x] = std::max(pooled[x], 0.0F) / seconds[x];
-    for (size_t i = 0; i < layers_.size(); ++i) {
-      const float* signal = buffers_[i].signal.data();
-      const float* trust = buffers_[i].trust.data();
-      const float* floor = buffers_[i].floor_variance.data();
-      const auto t = static_cast<float>(layers_[i].effective_s);
-      const auto gain = static_cast<float>(layers_[i].noise.gain_dn_per_electron);
-      for (size_t x = 0; x < width_; ++x) {
-        const float noise = gain * pooled[x] * t + floor[x];
-        const float w = trust[x] * t / noise;  // times t: the weight of signal/t, multiplied out
-        sum[x] += w * signal[x];
-        weight[x] += w * t;
-        square[x] += w * w * noise;
-      }
-    }
-    for (size_t x = 0; x < width_; ++x) {
-      const float inverse = 1.0F / std::max(weight[x], 1e-30F);
-      radiance[x] = sum[x] * inverse;
-      variance[x] = square[x] * inverse * inverse;
-    }
-  }
-
-  // Pixels that no exposure is trusted for: bloom where the shortest is not saturated itself, else saturated.
-  void mark_row(int row, RadianceImage& out) {
-    bool any = true;
-    for (size_t i = 0; i < layers_.size(); ++i) any = any && near_saturation(i, row);
-    if (!any) return;
-    const size_t last = layers_.size() - 1;
-    const std::uint16_t* dn = &layers_[last].exposure->pixels.at(0, row);
-    const auto per_second = static_cast<float>(1 / layers_[last].effective_s);
-    const auto gain = static_cast<float>(layers_[last].noise.gain_dn_per_electron);
-    for (size_t x = 0; x < width_; ++x) {
-      float trust = 0;
-      for (const RowBuffer& buffer : buffers_) trust = std::max(trust, buffer.trust[x]);
-      if (trust > 0) continue;
-      const bool saturated = dn[x] >= limits_.saturated_dn;
-      const float signal = saturated ? limits_.fade_to : buffers_[last].signal[x];
-      const auto column = static_cast<int>(x);
-      out.radiance.at(column, row) = signal * per_second;
-      out.variance.at(column, row) =
-          (gain * std::max(signal, 0.0F) + buffers_[last].floor_variance[x]) * per_second * per_second;
-      out.mask.at(column, row) = saturated ? kSaturated : kBloom;
-    }
-  }
-
-  bool near_saturation(size_t i, int row) const {
-    const auto& rows = saturated_rows_[i];
-    const int from = std::max(0, row - bloom_radius_px_);
-    const int to = std::min(static_cast<int>(rows.size()) - 1, row + bloom_radius_px_);
-    for (int y = from; y <= to; ++y)
-      if (rows[static_cast<size_t>(y)]) return true;
-    return false;
-  }
-
-  std::vector<Layer> layers_;
-  std::span<const float> linear_;
-  size_t width_;
-  bool is_linear_;
-  float black_;
-  int bloom_radius_px_;
-  MergeLimits limits_{};
-  std::vector<RowBuffer> buffers_;
-  std::vector<std::vector<std::uint8_t>> saturated_rows_;
-  std::vector<float> sum_, weight_, square_, pooled_, seconds_;
-};
 
 void divide_vignetting(const Image<float>& map, RadianceImage& image) {
   for (size_t i = 0; i < map.pixels.size(); ++i) {
@@ -338,6 +150,16 @@ void mark_hot_pixels(const RadianceOptions& options, RadianceImage& image) {
   mark(image.hot_pixels);
 }
 
+// What is masked has no variance to speak of.
+void forget_masked(RadianceImage& image) {
+  const auto width = static_cast<size_t>(image.mask.width_px);
+  for (size_t first = 0; first < image.mask.pixels.size(); first += width) {
+    if (!any_masked(std::span(image.mask.pixels).subspan(first, width))) continue;
+    for (size_t i = first; i < first + width; ++i)
+      if (image.mask.pixels[i] & (kSaturated | kHot | kInvalid)) image.variance.pixels[i] = kInfinity;
+  }
+}
+
 void check_options(const Camera& camera, const RadianceOptions& options) {
   if (const std::string fault = camera_fault(camera); !fault.empty()) throw std::invalid_argument(fault);
   if (!(options.saturation_fraction > 0.5 && options.saturation_fraction <= 1))
@@ -354,6 +176,12 @@ void check_options(const Camera& camera, const RadianceOptions& options) {
 
 }  // namespace
 
+LAMPGLOW_VECTORIZED bool any_masked(std::span<const std::uint8_t> mask) {
+  std::uint8_t any = 0;
+  for (const std::uint8_t bits : mask) any |= bits;
+  return any != 0;
+}
+
 RadianceImage to_radiance(const Bracket& bracket, const Camera& camera, const RadianceOptions& options) {
   check_options(camera, options);
   RadianceImage image;
@@ -369,14 +197,14 @@ RadianceImage to_radiance(const Bracket& bracket, const Camera& camera, const Ra
   }
   image.longest_s = layers.front().effective_s;
   image.shortest_s = layers.back().effective_s;
-  image.radiance = Image<float>(camera.width_px, camera.height_px);
-  image.variance = Image<float>(camera.width_px, camera.height_px);
   image.mask = Image<std::uint8_t>(camera.width_px, camera.height_px);
+  image.radiance = Image<float>::unfilled(camera.width_px, camera.height_px);
+  image.variance = Image<float>::unfilled(camera.width_px, camera.height_px);
 
   const OverlayRows overlay =
       options.find_overlay ? find_overlay(layers.front().exposure->pixels, camera) : OverlayRows{};
   image.compressed_colour = camera.bit_depth <= 8 && !layers.front().exposure->monochrome;
-  Merger merger(std::move(layers), camera, options, linear);
+  Merger merger(layers, camera, options, linear);
   image.saturation_radiance = merger.saturation_radiance();
   for (int row = 0; row < camera.height_px; ++row) merger.merge_row(row, image);
   mark_overlay(overlay, image.mask);
@@ -385,8 +213,7 @@ RadianceImage to_radiance(const Bracket& bracket, const Camera& camera, const Ra
     divide_vignetting(options.vignetting, image);
   else if (!camera.vignetting.empty())
     divide_vignetting(vignetting_map(camera), image);
-  for (size_t i = 0; i < image.mask.pixels.size(); ++i)
-    if (image.mask.pixels[i] & (kSaturated | kHot | kInvalid)) image.variance.pixels[i] = kInfinity;
+  forget_masked(image);
   return image;
 }
 

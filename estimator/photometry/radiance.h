@@ -21,6 +21,8 @@ inline constexpr std::uint8_t kBloom = 2;  // beside a saturated pixel in every 
 inline constexpr std::uint8_t kHot = 4;    // hot pixel: its radiance is meaningless
 inline constexpr std::uint8_t kInvalid = 8;  // no picture here: text overlay, dark frame edge
 
+bool any_masked(std::span<const std::uint8_t> mask);
+
 struct RadianceOptions {
   // An exposure is trusted up to this part of its range above black, and fades out of the merge over the last
   // tenth.

@@ -21,7 +21,7 @@ namespace {
 // scatter.
 constexpr double kGoal7Lamps_ms = 30, kLimit7Lamps_ms = 30;
 constexpr double kGoal40Lamps_ms = 250, kLimit40Lamps_ms = 400;
-constexpr double kGoalOverDecoding = 2.0, kLimitOverDecoding = 3.2;
+constexpr double kGoalOverDecoding = 2.0, kLimitOverDecoding = 2.6;
 
 constexpr double kMs = 1e3;
 
