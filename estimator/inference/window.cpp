@@ -153,9 +153,10 @@ std::vector<TargetWindow> view_window(const std::vector<ColumnProfile>& now,
     if (sharp < options.least_seen || contrast <= 0 || strips.noise > options.most_noise * sharp * sharp)
       continue;
     window[t].strips = static_cast<int>(strips.sharp.size());
+    // What fog leaves of the contrast is e^−τ.
+    const double weaker = options.weaker * std::pow(std::min(contrast, 1.0), options.uneven_air);
     for (size_t i = 0; i < strips.sharp.size(); ++i)
-      window[t].weaker +=
-          strips.sharp[i] < options.weaker * sharp && strips.contrast[i] < options.weaker * contrast;
+      window[t].weaker += strips.sharp[i] < weaker * sharp && strips.contrast[i] < weaker * contrast;
   }
   return window;
 }

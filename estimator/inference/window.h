@@ -4,6 +4,9 @@
 // the contrast of the dark body to the sky above it. Light does not do both: what the sun brightens shows
 // more texture, what lies in shadow is darker.
 //
+// Fog is uneven, and a strip behind thicker air is weaker in both, too: by e^(−ε·τ) where its extinction is ε
+// above the rest's. A strip must be weaker than that to count.
+//
 // What was tried and does not tell drops from fair weather: fine over coarse edge energy. A drop is so far
 // out of focus that it weakens both alike, and on the real day at De Bilt the sun changes the ratio by e and
 // more.
@@ -25,6 +28,7 @@ struct WindowOptions {
   double most_noise = 0.1;       // of the sharp contrast's energy
   double weaker = 0.85;          // than the target's clearest strips, in both: this strip is behind water
   double clearest = 0.75;        // quantile
+  double uneven_air = 0.15;      // ε, between strips of one target
   int least_strips = 8;          // in all targets together
   double least_part = 0.12;      // of them: flagged
 };
