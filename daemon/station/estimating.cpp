@@ -10,8 +10,6 @@ using std::chrono::steady_clock;
 
 namespace {
 
-constexpr std::chrono::seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
-
 ClearBrackets clear_brackets(const CameraConfig& camera) {
   const auto& archive = camera.reference_archive;
   if (archive.empty()) return {};
@@ -46,21 +44,6 @@ FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup,
 }
 
 }  // namespace
-
-WorkWatch::Running::Running(WorkWatch& watch) : watch_(watch) {
-  const std::scoped_lock lock(watch_.mutex_);
-  mine_ = watch_.since_.insert(steady_clock::now());
-}
-
-WorkWatch::Running::~Running() {
-  const std::scoped_lock lock(watch_.mutex_);
-  watch_.since_.erase(mine_);
-}
-
-bool WorkWatch::stuck(steady_clock::time_point now) const {
-  const std::scoped_lock lock(mutex_);
-  return !since_.empty() && now - *since_.begin() > kLongestEstimate;
-}
 
 std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera) {
   auto setup = std::make_shared<CameraSetup>();

@@ -19,9 +19,11 @@
 #include "daemon/station/feed.h"
 #include "daemon/station/keeper.h"
 #include "daemon/station/log.h"
+#include "daemon/station/notify.h"
 #include "daemon/station/picture_keeper.h"
 #include "daemon/station/status_text.h"
 #include "daemon/station/teacher.h"
+#include "daemon/station/work_watch.h"
 #include "storage/reader.h"
 #include "web/live_state.h"
 #include "web/server.h"
@@ -53,6 +55,11 @@ web::LiveOptions live_options(const StationConfig& config) {
 
 web::ApiOptions api_options(const StationConfig& config) {
   return {config.database(), config.picture_directory(), config.protect, config.token_hashes};
+}
+
+// Twice the unit's WatchdogSec= (60 s); where no watchdog waits, as if it were that.
+std::chrono::microseconds longest_estimate() {
+  return 2 * watchdog_period().value_or(seconds(60));
 }
 
 std::size_t worker_count(const StationConfig& config) {
@@ -109,7 +116,7 @@ struct Station::Impl {
   BoundedQueue<Job> jobs;
   BoundedQueue<std::function<void()>> writes{64};
   std::atomic<int> jpeg_quality;
-  WorkWatch watch;
+  WorkWatch watch{longest_estimate()};
   std::mutex setups_mutex;
   std::map<std::string, std::shared_ptr<const CameraSetup>> setups;
   std::map<std::string, std::unique_ptr<Feed>> feeds;  // the main thread's
@@ -250,7 +257,7 @@ void Station::Impl::work() {
         return std::nullopt;
       },
       [this](Job&& job) {
-        const WorkWatch::Running running(watch);
+        const WorkWatch::Running running(watch, job.setup->name);
         return estimate_job(job, jpeg_quality, give_up.get_token());
       },
       [this](Done&& done) {
@@ -445,7 +452,7 @@ std::string Station::stuck() const {
   const auto now = steady_clock::now();
   const steady_clock::time_point moved{steady_clock::duration{impl_->writer_moved.load()}};
   if (now - moved > kLongestWriterStep) return "the database's writer does not move";
-  if (impl_->watch.stuck(now)) return "a worker does not come to an end";
+  if (std::string worker = impl_->watch.stuck(now); !worker.empty()) return worker;
   const std::scoped_lock lock(impl_->feeds_mutex);
   for (const auto& [name, feed] : impl_->feeds)
     if (feed->stuck(now)) return "the schedule of camera " + name + " does not move";
