@@ -34,8 +34,9 @@ struct Done {
   double duration_s = 0;
 };
 
-// From the camera's reference archive; none without one. Throws what reading it throws.
-std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera);
+// From the camera's reference archive; none without one. Throws what reading it throws, and Stopped soon
+// after `stop` asked for it.
+std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera, const std::stop_token& stop);
 
 // Never throws for what the estimator does: a failure is a result without a value that says why, and so is a
 // frame that was given up because `give_up` asked for it. That one has no pictures.
