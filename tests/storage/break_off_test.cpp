@@ -126,8 +126,7 @@ TEST(BreakOff, AMigrationIsRolledBackAndTheNextStartMakesIt) {
   ASSERT_NE(old_schema, new_schema);
   for (const double part : {0.3, 0.6}) {
     afresh();
-    EXPECT_LT(time_to_stop(part * whole, [&](const auto& stop) { Store store(file, {}, stop); }),
-              0.3 * whole)
+    EXPECT_LT(time_to_stop(part * whole, [&](const auto& stop) { Store store(file, {}, stop); }), 0.3 * whole)
         << part << " of " << whole.count() << " s";
     EXPECT_EQ(schema(), old_schema) << "half a migration";
     EXPECT_EQ(check(file, true), "ok");

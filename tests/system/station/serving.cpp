@@ -5,14 +5,13 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <sstream>
 #include <vector>
 
 #include "tests/support/temporary_folder.h"
-
-extern char** environ;
 
 namespace lampglow::testing {
 
