@@ -11,6 +11,7 @@ inline constexpr int kExitData = 65;      // EX_DATAERR: bad archive, image, dat
 inline constexpr int kExitInternal = 70;  // EX_SOFTWARE
 inline constexpr int kExitIo = 74;        // EX_IOERR
 inline constexpr int kExitConfig = 78;    // EX_CONFIG: bad configuration or site file
+inline constexpr int kExitSignal = 128;   // and the signal's number, as shells give it
 
 class CommandError : public std::runtime_error {
  public:
@@ -33,6 +34,11 @@ struct ConfigError : CommandError {
 };
 struct IoError : CommandError {
   explicit IoError(const std::string& message) : CommandError(kExitIo, message) {}
+};
+
+// Ended by a signal before it was ready for it.
+struct EndedBySignal : CommandError {
+  EndedBySignal(int signal, const std::string& message) : CommandError(kExitSignal + signal, message) {}
 };
 
 }  // namespace lampglow::daemon

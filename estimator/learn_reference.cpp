@@ -21,6 +21,24 @@ bool for_targets(TimePoint time_utc, const Site& site, const EstimatorOptions& o
   return altitude && *altitude > options.combine.glow_full_deg && !site.targets.empty();
 }
 
+// One bracket, ready to be measured, and when it was taken. Many of them, or large ones, take long: each step
+// asks first whether the answer is still wanted.
+struct Clear {
+  TimePoint time_utc{};
+  std::optional<double> mor_m;
+  photometry::RadianceImage image;
+};
+
+Clear read(const ClearBrackets& clear, std::size_t i, const Site& site, const EstimatorOptions& options) {
+  inference::stop_if_given_up(options.night.fit);
+  const Bracket bracket = clear.load(i);
+  inference::stop_if_given_up(options.night.fit);
+  Clear read{bracket.time_utc, bracket.reference_mor_m,
+             photometry::to_radiance(bracket, site.camera, options.radiance)};
+  inference::stop_if_given_up(options.night.fit);
+  return read;
+}
+
 // What a first look at all brackets gives: where the lamps are, and where the sky ends.
 struct FirstLook {
   std::vector<std::size_t> usable;  // brackets that count for lamps
@@ -34,10 +52,9 @@ FirstLook look(const ClearBrackets& clear, const Site& site, const EstimatorOpti
   std::vector<photometry::RegisteredFrame> registered;
   std::vector<photometry::RadianceImage> daylight;
   for (std::size_t i = 0; i < clear.count; ++i) {
-    const Bracket bracket = clear.load(i);
-    photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    auto [time_utc, mor_m, image] = read(clear, i, site, options);
     if (image.empty()) continue;
-    if (for_targets(bracket.time_utc, site, options)) {
+    if (for_targets(time_utc, site, options)) {
       daylight.push_back(std::move(image));
       continue;
     }
@@ -58,17 +75,17 @@ std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const 
   const FirstLook first = look(clear, site, options);
   inference::ReferenceOptions reference_options = options.reference;
   reference_options.rings.skyline_px = first.skyline_px;
+  reference_options.spread.given_up = options.night.fit.given_up;
   std::optional<inference::ReferenceLayout> layout;
   std::vector<inference::ClearFrame> frames;
   photometry::HotPixelLearner hot;
   for (const std::size_t i : first.usable) {
-    const Bracket bracket = clear.load(i);
-    const photometry::RadianceImage image = photometry::to_radiance(bracket, site.camera, options.radiance);
+    const auto [time_utc, mor_m, image] = read(clear, i, site, options);
     if (image.empty()) continue;  // gone since the first look, or the run is to stop
     auto registered = photometry::register_frame(image, first.catalogue, options.registration);
     if (!layout) layout = inference::lay_out(image, registered, site, first.catalogue, reference_options);
     frames.push_back({inference::clear_rings(image, registered, *layout), std::move(registered),
-                      image.relative, bracket.time_utc, bracket.reference_mor_m});
+                      image.relative, time_utc, mor_m});
     hot.add(image.hot_pixels);
   }
   if (!layout) return std::nullopt;
@@ -82,6 +99,7 @@ void learn_targets(const ClearBrackets& clear, Site& site, const EstimatorOption
   if (site.targets.empty()) return;
   inference::ClearTargetLearner learner(site);
   for (std::size_t i = 0; i < clear.count; ++i) {
+    inference::stop_if_given_up(options.night.fit);
     const Bracket bracket = clear.load(i);
     const auto altitude = sun_altitude_deg(bracket.time_utc, site);
     if (!altitude || inference::contrast_weight(*altitude, options.combine) < 1) continue;

@@ -20,7 +20,7 @@ struct ClearBrackets {
 };
 
 // The clear reference from one or several clear brackets; empty if none of them shows a lamp of the
-// catalogue.
+// catalogue. Throws FitStopped soon after options.night.fit.given_up, and so does learn_targets().
 std::optional<ClearReference> learn_reference(const ClearBrackets& clear, const Site& site,
                                               const EstimatorOptions& options);
 

@@ -14,6 +14,7 @@ class StorageError : public std::runtime_error {
     full,       // no room on the disk: try again later
     read_only,  // the disk or the file cannot be written
     busy,       // another process holds it
+    stopped,    // broken off, because the caller asked for it
     io,         // anything else the disk says
   };
   StorageError(Kind kind, const std::string& message) : std::runtime_error(message), kind_(kind) {}

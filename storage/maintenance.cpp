@@ -7,6 +7,7 @@
 #include <array>
 #include <system_error>
 
+#include "storage/break_off.h"
 #include "storage/schema.h"
 #include "storage/sqlite.h"
 
@@ -50,18 +51,14 @@ void copy_all(const std::filesystem::path& database, const std::filesystem::path
   }
 }
 
-// The check of a large copy takes as long as making it: it looks every so often whether it is to stop.
+// The check of a large copy takes as long as making it.
 void check_copy(const std::filesystem::path& database, const std::filesystem::path& part,
                 const std::stop_token& stop) {
-  constexpr int kInstructions = 10000;
   SQLite::Database copy(part.string(), SQLite::OPEN_READWRITE);
-  std::stop_token asked = stop;
-  const auto stopped = [](void* token) -> int {
-    return static_cast<std::stop_token*>(token)->stop_requested();
-  };
-  sqlite3_progress_handler(copy.getHandle(), kInstructions, stopped, &asked);
   copy.exec("PRAGMA journal_mode = DELETE");  // one file, no -wal beside it
-  if (const std::string found = checked(copy, true); found != "ok")
+  std::string found;
+  until_stopped(copy, stop, "the check", [&] { found = checked(copy, true); });
+  if (found != "ok")
     throw StorageError(StorageError::Kind::corrupt, database.string() + ": its copy is damaged: " + found);
 }
 
@@ -125,10 +122,11 @@ std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint
   return aside;
 }
 
-std::string check(const std::filesystem::path& database, bool full) {
+std::string check(const std::filesystem::path& database, bool full, const std::stop_token& stop) {
   return guarded(database.string(), [&] {
     SQLite::Database opened(database.string(), SQLite::OPEN_READONLY, 5000);
-    std::string found = checked(opened, full);
+    std::string found;
+    until_stopped(opened, stop, "the check", [&] { found = checked(opened, full); });
     if (found == "ok" && schema_version(opened) > schema_version())
       throw StorageError(StorageError::Kind::too_new, database.string() + ": written by a later lampglow");
     return found;

@@ -37,8 +37,8 @@ bool backup(const std::filesystem::path& database, const std::filesystem::path& 
 std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint now);
 
 // PRAGMA quick_check or integrity_check: "ok", or what is wrong. Opens the file for itself. Throws
-// StorageError where it cannot even be opened.
-std::string check(const std::filesystem::path& database, bool full);
+// StorageError where it cannot even be opened; `stopped` soon after a stop was asked for.
+std::string check(const std::filesystem::path& database, bool full, const std::stop_token& stop = {});
 
 // VACUUM: rewrites the file, migrated if it is an older one. Needs its size once more on the disk; waits for
 // no writer.

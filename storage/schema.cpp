@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 
+#include "storage/break_off.h"
 #include "storage/error.h"
 
 namespace lampglow::storage {
@@ -208,7 +209,7 @@ int schema_version(SQLite::Database& database) {
   return database.execAndGet("PRAGMA user_version").getInt();
 }
 
-void migrate(SQLite::Database& database, int target) {
+void migrate(SQLite::Database& database, int target, const std::stop_token& stop) {
   int version = schema_version(database);
   if (version > schema_version())
     throw StorageError(StorageError::Kind::too_new,
@@ -217,8 +218,10 @@ void migrate(SQLite::Database& database, int target) {
                            std::to_string(schema_version()));
   for (; version < target; ++version) {
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
-    database.exec(kMigrations[static_cast<size_t>(version)]);
-    database.exec("PRAGMA user_version = " + std::to_string(version + 1));
+    until_stopped(database, stop, "the migration", [&] {
+      database.exec(kMigrations[static_cast<size_t>(version)]);
+      database.exec("PRAGMA user_version = " + std::to_string(version + 1));
+    });
     transaction.commit();
   }
 }

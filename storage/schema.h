@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <stop_token>
 
 namespace SQLite {
 class Database;
@@ -17,7 +18,8 @@ int schema_version();
 int schema_version(SQLite::Database& database);
 
 // Runs what is missing up to `target`, each step in a transaction of its own. Throws StorageError::too_new
-// for a database of a later program.
-void migrate(SQLite::Database& database, int target = schema_version());
+// for a database of a later program. Throws soon after a stop was asked for: the step that ran is rolled
+// back, those before it stay, and the next call goes on from there.
+void migrate(SQLite::Database& database, int target = schema_version(), const std::stop_token& stop = {});
 
 }  // namespace lampglow::storage

@@ -4,6 +4,7 @@
 #include <set>
 #include <tuple>
 
+#include "storage/kept.h"
 #include "storage/means.h"
 #include "storage/references.h"
 #include "storage/rows.h"
@@ -19,14 +20,15 @@ std::string question_marks(int count) {
   return text;
 }
 
-SQLite::Database open_writer(const std::filesystem::path& file, const StoreOptions& options) {
+SQLite::Database open_writer(const std::filesystem::path& file, const StoreOptions& options,
+                             const std::stop_token& stop) {
   SQLite::Database database(file.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE,
                             options.busy_timeout_ms);
   if (schema_version(database) == 0) database.exec("PRAGMA auto_vacuum = INCREMENTAL");
   database.exec("PRAGMA journal_mode = WAL");
   database.exec("PRAGMA synchronous = NORMAL");
   database.exec("PRAGMA foreign_keys = ON");
-  migrate(database);
+  migrate(database, schema_version(), stop);
   return database;
 }
 
@@ -36,8 +38,8 @@ SQLite::Database open_writer(const std::filesystem::path& file, const StoreOptio
 using Period = std::tuple<CameraNumber, int, std::int64_t>;
 
 struct Store::Impl {
-  Impl(const std::filesystem::path& path, const StoreOptions& given)
-      : file(path.string()), options(given), database(open_writer(path, given)) {}
+  Impl(const std::filesystem::path& path, const StoreOptions& given, const std::stop_token& stop)
+      : file(path.string()), options(given), database(open_writer(path, given, stop)) {}
 
   SQLite::Statement& statement(const std::string& sql) {
     auto& slot = statements[sql];
@@ -199,8 +201,8 @@ void Store::Impl::renew_mean(const Period& period) {
   prepared.exec();
 }
 
-Store::Store(const std::filesystem::path& file, const StoreOptions& options)
-    : impl_(guarded(file.string(), [&] { return std::make_unique<Impl>(file, options); })) {}
+Store::Store(const std::filesystem::path& file, const StoreOptions& options, const std::stop_token& stop)
+    : impl_(guarded(file.string(), [&] { return std::make_unique<Impl>(file, options, stop); })) {}
 
 Store::~Store() {
   if (!impl_) return;
@@ -326,38 +328,6 @@ bool Store::checkpoint() {
     return pragma.executeStep() && pragma.getColumn(0).getInt() == 0;  // 1: it was held up
   });
 }
-
-namespace {
-
-struct Place {
-  const char* table;
-  const char* time;
-  const char* where;  // beside the camera and the time
-};
-
-Place place_of(Kept what) {
-  switch (what) {
-    case Kept::frames:
-      return {"frame", "time_ms", ""};
-    case Kept::observations:
-      return {"observation", "time_ms", ""};
-    case Kept::fits:
-      return {"lamp_fit", "time_ms", ""};
-    case Kept::ring_profiles:
-      return {"ring_profile", "time_ms", ""};
-    case Kept::one_minute:
-      return {"mean", "end_ms", " AND period_s = 60"};
-    case Kept::ten_minutes:
-      return {"mean", "end_ms", " AND period_s = 600"};
-    case Kept::hours:
-      return {"mean", "end_ms", " AND period_s = 3600"};
-    case Kept::events:
-      return {"event", "time_ms", ""};
-  }
-  return {"event", "time_ms", ""};
-}
-
-}  // namespace
 
 // Up to the time of the row that is max_rows behind the oldest: the key's order makes that a short scan.
 int Store::drop_before(Kept what, TimePoint before, int max_rows) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 
 #include "estimator/observation.h"
@@ -27,8 +28,10 @@ enum class Kept { frames, observations, fits, ring_profiles, one_minute, ten_min
 class Store {
  public:
   // Opens the database, makes it if there is none, and migrates an older one. WAL, synchronous NORMAL,
-  // incremental auto-vacuum, foreign keys on. Throws StorageError.
-  explicit Store(const std::filesystem::path& file, const StoreOptions& options = {});
+  // incremental auto-vacuum, foreign keys on. Throws StorageError; `stopped` soon after a stop was asked for
+  // while it migrates.
+  explicit Store(const std::filesystem::path& file, const StoreOptions& options = {},
+                 const std::stop_token& stop = {});
   ~Store();  // commits what is pending; errors are lost here, so call commit() first
   Store(Store&&) noexcept;
   Store& operator=(Store&&) noexcept;

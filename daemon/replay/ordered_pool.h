@@ -3,6 +3,8 @@
 // number of workers.
 #pragma once
 
+#include <pthread.h>
+
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
@@ -88,6 +90,7 @@ class OrderedPool {
   }
 
   void work_all() {
+    pthread_setname_np(pthread_self(), "worker");  // for `top -H`
     for (;;) {
       std::unique_lock lock(mutex_);
       work_ready_.wait(lock, [&] { return aborted_ || !inputs_.empty() || total_; });

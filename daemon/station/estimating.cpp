@@ -3,14 +3,13 @@
 #include "daemon/sources/archive.h"
 #include "daemon/sources/fault.h"
 #include "daemon/station/log.h"
+#include "daemon/station/stop_while_busy.h"
 
 namespace lampglow::daemon {
 
 using std::chrono::steady_clock;
 
 namespace {
-
-constexpr std::chrono::seconds kLongestEstimate{120};  // longer than this a worker counts as stuck
 
 ClearBrackets clear_brackets(const CameraConfig& camera) {
   const auto& archive = camera.reference_archive;
@@ -27,12 +26,16 @@ FrameResult without_value(const Bracket& bracket, Quality why, std::string reaso
   return result;
 }
 
+// What is learned or measured with these options is given up soon after `stop` asked for it.
+EstimatorOptions until(const std::stop_token& stop, EstimatorOptions options) {
+  options.night.fit.given_up = [stop] { return stop.stop_requested(); };
+  return options;
+}
+
 FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup,
                             const std::stop_token& give_up) {
   try {
-    EstimatorOptions options = setup.estimator;
-    options.night.fit.given_up = [&give_up] { return give_up.stop_requested(); };
-    FrameResult result = estimate(bracket, setup.site, setup.reference, options);
+    FrameResult result = estimate(bracket, setup.site, setup.reference, until(give_up, setup.estimator));
     if (!result.observation.extinction_per_m && !bracket.fault.empty()) result.reason = bracket.fault;
     return result;
   } catch (const inference::FitStopped&) {
@@ -47,28 +50,18 @@ FrameResult estimate_safely(const Bracket& bracket, const CameraSetup& setup,
 
 }  // namespace
 
-WorkWatch::Running::Running(WorkWatch& watch) : watch_(watch) {
-  const std::scoped_lock lock(watch_.mutex_);
-  mine_ = watch_.since_.insert(steady_clock::now());
-}
-
-WorkWatch::Running::~Running() {
-  const std::scoped_lock lock(watch_.mutex_);
-  watch_.since_.erase(mine_);
-}
-
-bool WorkWatch::stuck(steady_clock::time_point now) const {
-  const std::scoped_lock lock(mutex_);
-  return !since_.empty() && now - *since_.begin() > kLongestEstimate;
-}
-
-std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera) {
+std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera, const std::stop_token& stop) {
   auto setup = std::make_shared<CameraSetup>();
   setup->name = camera.name;
   setup->site = camera.site;
   const ClearBrackets clear = clear_brackets(camera);
-  setup->base = setup->reference = learn_reference(clear, setup->site, setup->estimator);
-  learn_targets(clear, setup->site, setup->estimator);
+  const EstimatorOptions options = until(stop, setup->estimator);
+  try {
+    setup->base = setup->reference = learn_reference(clear, setup->site, options);
+    learn_targets(clear, setup->site, options);
+  } catch (const inference::FitStopped&) {
+    throw Stopped("learning the clear reference of camera " + camera.name + " was broken off");
+  }
   setup->relearn = camera.relearn;
   if (!setup->reference)
     log(LogLevel::warning, "no clear reference: frames will say no_reference", {{"camera", camera.name}});

@@ -1,11 +1,8 @@
 // What the station's workers do: a camera's frame in, its result and pictures out.
 #pragma once
 
-#include <chrono>
 #include <memory>
-#include <mutex>
 #include <optional>
-#include <set>
 #include <stop_token>
 #include <string>
 
@@ -37,30 +34,9 @@ struct Done {
   double duration_s = 0;
 };
 
-// Since when each estimate runs, for the watchdog.
-class WorkWatch {
- public:
-  class Running {
-   public:
-    explicit Running(WorkWatch& watch);
-    ~Running();
-    Running(const Running&) = delete;
-    Running& operator=(const Running&) = delete;
-
-   private:
-    WorkWatch& watch_;
-    std::multiset<std::chrono::steady_clock::time_point>::iterator mine_;
-  };
-  // Is one longer at it than an estimate can take (2 minutes)?
-  bool stuck(std::chrono::steady_clock::time_point now) const;
-
- private:
-  mutable std::mutex mutex_;
-  std::multiset<std::chrono::steady_clock::time_point> since_;
-};
-
-// From the camera's reference archive; none without one. Throws what reading it throws.
-std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera);
+// From the camera's reference archive; none without one. Throws what reading it throws, and Stopped soon
+// after `stop` asked for it.
+std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera, const std::stop_token& stop);
 
 // Never throws for what the estimator does: a failure is a result without a value that says why, and so is a
 // frame that was given up because `give_up` asked for it. That one has no pictures.

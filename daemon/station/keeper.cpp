@@ -26,13 +26,13 @@ constexpr storage::StoreOptions kLive{.batch_frames = 1};
 }  // namespace
 
 Keeper::Keeper(std::filesystem::path database, storage::Retention retention,
-               std::chrono::seconds checkpoint_every, KeeperCallbacks callbacks)
+               std::chrono::seconds checkpoint_every, KeeperCallbacks callbacks, const std::stop_token& stop)
     : file_(std::move(database)),
       retention_(retention),
       checkpoint_every_(checkpoint_every),
       callbacks_(std::move(callbacks)) {
   utc_ = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
-  open(utc_);
+  open(utc_, stop);
 }
 
 Keeper::~Keeper() = default;
@@ -57,11 +57,11 @@ bool Keeper::file_is_ours() const {
 }
 
 // A damaged file is one that SQLite cannot open or whose quick_check finds something.
-void Keeper::open_fresh_if_damaged(TimePoint utc) {
+void Keeper::open_fresh_if_damaged(TimePoint utc, const std::stop_token& stop) {
   if (!std::filesystem::exists(file_)) return;
   std::string found;
   try {
-    found = storage::check(file_, false);
+    found = storage::check(file_, false, stop);
   } catch (const StorageError& error) {
     if (error.kind() != StorageError::Kind::corrupt) throw;
     found = error.what();
@@ -73,12 +73,12 @@ void Keeper::open_fresh_if_damaged(TimePoint utc) {
              aside.filename().string() + " and the station goes on with a fresh one");
 }
 
-void Keeper::open(TimePoint utc) {
+void Keeper::open(TimePoint utc, const std::stop_token& stop) {
   try {
     std::error_code ignored;
     std::filesystem::create_directories(file_.parent_path(), ignored);
-    open_fresh_if_damaged(utc);
-    store_ = std::make_unique<Store>(file_, kLive);
+    open_fresh_if_damaged(utc, stop);
+    store_ = std::make_unique<Store>(file_, kLive, stop);
     struct stat now {};
     if (::stat(file_.c_str(), &now) == 0) {
       inode_ = now.st_ino;
@@ -87,7 +87,8 @@ void Keeper::open(TimePoint utc) {
     numbers_.clear();
     for (const auto& [name, site] : sites_) numbers_[name] = store_->upsert_camera(name, site);
   } catch (const StorageError& error) {
-    if (error.kind() == StorageError::Kind::too_new) throw;
+    using Kind = StorageError::Kind;
+    if (error.kind() == Kind::too_new || error.kind() == Kind::stopped) throw;
     store_.reset();
     failed(error);
   }

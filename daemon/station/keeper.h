@@ -6,6 +6,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <stop_token>
 #include <string>
 
 #include "daemon/station/config.h"
@@ -24,9 +25,9 @@ struct KeeperCallbacks {
 class Keeper {
  public:
   // Opens the database: one that is damaged is set aside, one that cannot be opened is tried again at every
-  // tick. Throws StorageError::too_new only.
+  // tick. Throws StorageError::too_new, and `stopped` soon after `stop` asked for it; nothing else.
   Keeper(std::filesystem::path database, storage::Retention retention, std::chrono::seconds checkpoint_every,
-         KeeperCallbacks callbacks);
+         KeeperCallbacks callbacks, const std::stop_token& stop = {});
   ~Keeper();
 
   void add_camera(const std::string& name, const Site& site);
@@ -56,8 +57,8 @@ class Keeper {
     std::string camera;
     FrameResult result;
   };
-  void open(TimePoint utc);
-  void open_fresh_if_damaged(TimePoint utc);
+  void open(TimePoint utc, const std::stop_token& stop = {});
+  void open_fresh_if_damaged(TimePoint utc, const std::stop_token& stop);
   void start_afresh(TimePoint utc, const std::string& why, bool set_aside_first);
   void drain();
   storage::CameraNumber number_of(storage::Store& store, const std::string& camera);

@@ -2,11 +2,13 @@
 #include <signal.h>
 
 #include <ctime>
+#include <memory>
 
 #include "daemon/errors.h"
 #include "daemon/station/log.h"
 #include "daemon/station/notify.h"
 #include "daemon/station/station.h"
+#include "daemon/station/stop_while_busy.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -37,10 +39,32 @@ int wait_a_second(const sigset_t& signals) {
   return signal > 0 ? signal : 0;
 }
 
-void reload(Station& station, const std::filesystem::path& file) {
+void refuse_start(int signal, const std::string& broken_off) {
+  notify_stopping();
+  throw EndedBySignal(signal, std::string("ended by ") + (signal == SIGINT ? "SIGINT" : "SIGTERM") +
+                                  " before the station was ready; nothing was measured" + broken_off);
+}
+
+// Checking the database and learning the references may take minutes; a signal to end is not kept waiting.
+std::unique_ptr<Station> make_station(const std::filesystem::path& config_file) {
+  StopWhileBusy stop;
+  std::unique_ptr<Station> station;
+  std::string broken_off;
+  try {
+    station = std::make_unique<Station>(read_station_config(config_file), stop.token());
+  } catch (const Stopped& stopped) {
+    broken_off = std::string(": ") + stopped.what();
+  }
+  if (const int signal = stop.close()) refuse_start(signal, broken_off);
+  return station;
+}
+
+// SIGTERM or SIGINT if one came meanwhile; 0 for none. The old configuration then stays for what is left.
+int reload(Station& station, const std::filesystem::path& file) {
+  StopWhileBusy stop;
   notify_reloading();
   try {
-    for (const std::string& key : station.reload(read_station_config(file)))
+    for (const std::string& key : station.reload(read_station_config(file), stop.token()))
       log(LogLevel::warning, "changed in the configuration, but only a restart takes it over",
           {{"key", key}});
     log(LogLevel::info, "configuration reloaded", {{"file", file.string()}});
@@ -49,6 +73,7 @@ void reload(Station& station, const std::filesystem::path& file) {
         {{"reason", error.what()}});
   }
   notify_ready();
+  return stop.close();
 }
 
 void feed_watchdog(const Station& station) {
@@ -65,20 +90,20 @@ void serve(const std::filesystem::path& config_file) {
   use_little_memory();
   open_log(LogLevel::info);
   const sigset_t signals = block_signals();
-  Station station(read_station_config(config_file));
-  station.start();
+  const std::unique_ptr<Station> station = make_station(config_file);
+  station->start();
   notify_ready();
   const bool watched = watchdog_period().has_value();
   for (;;) {
-    const int signal = wait_a_second(signals);
-    if (signal == SIGHUP) reload(station, config_file);
+    int signal = wait_a_second(signals);
+    if (signal == SIGHUP) signal = reload(*station, config_file);
     if (signal == SIGTERM || signal == SIGINT) break;
-    station.look_after();
-    notify_status(station.status_text());
-    if (watched) feed_watchdog(station);
+    station->look_after();
+    notify_status(station->status_text());
+    if (watched) feed_watchdog(*station);
   }
   notify_stopping();
-  station.stop();
+  station->stop();
 }
 
 }  // namespace lampglow::daemon

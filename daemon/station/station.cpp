@@ -19,10 +19,13 @@
 #include "daemon/station/feed.h"
 #include "daemon/station/keeper.h"
 #include "daemon/station/log.h"
+#include "daemon/station/notify.h"
 #include "daemon/station/picture_keeper.h"
+#include "daemon/station/remembered.h"
 #include "daemon/station/status_text.h"
+#include "daemon/station/stop_while_busy.h"
 #include "daemon/station/teacher.h"
-#include "storage/reader.h"
+#include "daemon/station/work_watch.h"
 #include "web/live_state.h"
 #include "web/server.h"
 
@@ -55,6 +58,11 @@ web::ApiOptions api_options(const StationConfig& config) {
   return {config.database(), config.picture_directory(), config.protect, config.token_hashes};
 }
 
+// Twice the unit's WatchdogSec= (60 s); where no watchdog waits, as if it were that.
+std::chrono::microseconds longest_estimate() {
+  return 2 * watchdog_period().value_or(seconds(60));
+}
+
 std::size_t worker_count(const StationConfig& config) {
   return config.workers ? config.workers : std::max(1U, std::thread::hardware_concurrency());
 }
@@ -68,7 +76,7 @@ struct Opened {
 }  // namespace
 
 struct Station::Impl {
-  explicit Impl(const StationConfig& given);
+  Impl(const StationConfig& given, const std::stop_token& stop);
 
   void start();
   void stop();
@@ -78,7 +86,7 @@ struct Station::Impl {
   void take(Done done);
   void note_fog(const Done& done);
   void tell(Event event);  // from any thread: stored, logged, streamed
-  Opened open_camera(const CameraConfig& camera);
+  Opened open_camera(const CameraConfig& camera, const std::stop_token& stop);
   void install_camera(const CameraConfig& camera, Opened opened);
   void put_in_force(const std::shared_ptr<const CameraSetup>& setup);
   void adopt(const std::shared_ptr<const CameraSetup>& fresh);
@@ -86,7 +94,7 @@ struct Station::Impl {
   void close_camera(const std::string& name);
   void restore(const std::string& camera);
   void on_camera_event(const CameraEvent& event);
-  std::vector<std::string> reload(const StationConfig& wanted);
+  std::vector<std::string> reload(const StationConfig& wanted, const std::stop_token& stop);
 
   // Once it runs, the keeper belongs to the writer's thread.
   void by_writer(std::function<void()> work) {
@@ -109,7 +117,7 @@ struct Station::Impl {
   BoundedQueue<Job> jobs;
   BoundedQueue<std::function<void()>> writes{64};
   std::atomic<int> jpeg_quality;
-  WorkWatch watch;
+  WorkWatch watch{longest_estimate()};
   std::mutex setups_mutex;
   std::map<std::string, std::shared_ptr<const CameraSetup>> setups;
   std::map<std::string, std::unique_ptr<Feed>> feeds;  // the main thread's
@@ -129,7 +137,7 @@ struct Station::Impl {
   std::jthread writer;
 };
 
-Station::Impl::Impl(const StationConfig& given)
+Station::Impl::Impl(const StationConfig& given, const std::stop_token& stop)
     : config(given),
       live(live_options(given)),
       jobs(worker_count(given)),
@@ -139,33 +147,28 @@ Station::Impl::Impl(const StationConfig& given)
              {[this](const Event& event) { live.publish_event(event); },
               [this](const std::string& fault) {
                 live.set_fault("database", fault.empty() ? "" : "cannot be written");
-              }}),
+              }},
+             stop),
       backups(given.database(), given.backup_directory(), given.backups_kept, given.backup_hour_utc,
               [this](bool good, const std::string& message) {
                 live.set_fault("backup", good ? "" : message);
                 tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
                       good ? Severity::info : Severity::error, "", message});
               }) {
-  for (const CameraConfig& camera : config.cameras) install_camera(camera, open_camera(camera));
+  for (const CameraConfig& camera : config.cameras) install_camera(camera, open_camera(camera, stop));
   for (const CameraConfig& camera : config.cameras) restore(camera.name);
-  std::vector<storage::PictureRecord> kept;
-  try {
-    storage::Reader reader(config.database());
-    kept = reader.pictures({}, TimePoint{}, utc_time() + std::chrono::hours(24), 1 << 30);
-  } catch (const storage::StorageError&) {  // the keeper has said so
-  }
-  pictures.load(kept);
+  pictures.load(kept_pictures(config.database(), utc_time()));
   server = std::make_unique<web::Server>(config.http, live, api_options(config));
 }
 
 // All that can go wrong with a camera's configuration does so here, where nothing has changed yet.
-Opened Station::Impl::open_camera(const CameraConfig& camera) {
-  return {set_up(camera), make_feed(camera, clock,
-                                    {[this, name = camera.name](Bracket bracket) {
-                                       if (auto known = setup_of(name))
-                                         jobs.push({std::move(known), std::move(bracket)});
-                                     },
-                                     [this](const CameraEvent& event) { on_camera_event(event); }})};
+Opened Station::Impl::open_camera(const CameraConfig& camera, const std::stop_token& stop) {
+  return {set_up(camera, stop), make_feed(camera, clock,
+                                          {[this, name = camera.name](Bracket bracket) {
+                                             if (auto known = setup_of(name))
+                                               jobs.push({std::move(known), std::move(bracket)});
+                                           },
+                                           [this](const CameraEvent& event) { on_camera_event(event); }})};
 }
 
 void Station::Impl::install_camera(const CameraConfig& camera, Opened opened) {
@@ -199,28 +202,11 @@ void Station::Impl::take_over(const Taught& taught) {
   keeper.put_event(taught.event);
 }
 
-// The last hour from the database, so that a restart does not forget what the air is like.
+// So that a restart does not forget what the air is like.
 void Station::Impl::restore(const std::string& name) {
-  try {
-    storage::Reader reader(config.database());
-    const auto camera = reader.camera(name);
-    const auto span = camera ? reader.span(camera->number) : std::nullopt;
-    if (!span) return;
-    const TimePoint last = span->second;
-    storage::ObservationQuery query{
-        camera->number, last - std::chrono::hours(1), last + milliseconds(1), 0, {}, 10000};
-    for (const storage::ObservationRow& row : reader.observations(query)) {
-      FrameResult result;
-      result.observation = row.observation;
-      result.reason = row.reason;
-      if (row.observation.time_utc == last)
-        for (const storage::LampFitRow& fit : reader.fits(camera->number, last))
-          result.lamps.push_back(fit.fit);
-      live.restore(name, result);
-      fog[name].note(row.observation);  // so that the same fog has no second onset
-    }
-  } catch (const storage::StorageError& error) {
-    log(LogLevel::warning, "the last observations could not be read back", {{"reason", error.what()}});
+  for (const FrameResult& result : last_hour(config.database(), name)) {
+    live.restore(name, result);
+    fog[name].note(result.observation);  // so that the same fog has no second onset
   }
 }
 
@@ -250,7 +236,7 @@ void Station::Impl::work() {
         return std::nullopt;
       },
       [this](Job&& job) {
-        const WorkWatch::Running running(watch);
+        const WorkWatch::Running running(watch, job.setup->name);
         return estimate_job(job, jpeg_quality, give_up.get_token());
       },
       [this](Done&& done) {
@@ -365,14 +351,14 @@ void Station::Impl::close_camera(const std::string& name) {
   live.set_fault("camera " + name, "");
 }
 
-std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
+std::vector<std::string> Station::Impl::reload(const StationConfig& wanted, const std::stop_token& stop) {
   std::vector<std::string> left = needs_restart(config, wanted);
   std::map<std::string, std::string> before;
   for (const CameraConfig& camera : config.cameras) before[camera.name] = camera.fingerprint;
   std::map<std::string, Opened> changed;
   for (const CameraConfig& camera : wanted.cameras)
     if (!before.contains(camera.name) || before[camera.name] != camera.fingerprint)
-      changed[camera.name] = open_camera(camera);
+      changed[camera.name] = open_camera(camera, stop);
   std::set<std::string> wanted_names;
   for (const CameraConfig& camera : wanted.cameras) {
     wanted_names.insert(camera.name);
@@ -403,12 +389,15 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted) {
   return left;
 }
 
-Station::Station(const StationConfig& config) {
+Station::Station(const StationConfig& config, const std::stop_token& stop) {
   try {
-    impl_ = std::make_unique<Impl>(config);
+    impl_ = std::make_unique<Impl>(config, stop);
   } catch (const storage::StorageError& error) {
+    if (error.kind() == storage::StorageError::Kind::stopped) throw Stopped(error.what());
     throw DataError(error.what());
   } catch (const CommandError&) {
+    throw;
+  } catch (const Stopped&) {
     throw;
   } catch (const std::runtime_error& error) {
     throw IoError(error.what());
@@ -429,8 +418,8 @@ void Station::stop() {
   impl_->stop();
 }
 
-std::vector<std::string> Station::reload(const StationConfig& config) {
-  return impl_->reload(config);
+std::vector<std::string> Station::reload(const StationConfig& config, const std::stop_token& stop) {
+  return impl_->reload(config, stop);
 }
 
 unsigned short Station::port() const {
@@ -445,7 +434,7 @@ std::string Station::stuck() const {
   const auto now = steady_clock::now();
   const steady_clock::time_point moved{steady_clock::duration{impl_->writer_moved.load()}};
   if (now - moved > kLongestWriterStep) return "the database's writer does not move";
-  if (impl_->watch.stuck(now)) return "a worker does not come to an end";
+  if (std::string worker = impl_->watch.stuck(now); !worker.empty()) return worker;
   const std::scoped_lock lock(impl_->feeds_mutex);
   for (const auto& [name, feed] : impl_->feeds)
     if (feed->stuck(now)) return "the schedule of camera " + name + " does not move";

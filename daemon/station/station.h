@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -11,16 +12,18 @@ namespace lampglow::daemon {
 
 class Station {
  public:
-  // Opens database, sources and the port. Throws ConfigError, DataError, IoError with what is wrong.
-  explicit Station(const StationConfig& config);
+  // Opens database, sources and the port. Throws ConfigError, DataError, IoError with what is wrong; Stopped
+  // soon after `stop` asked for it.
+  Station(const StationConfig& config, const std::stop_token& stop);
   ~Station();  // stops, storing everything
   Station(const Station&) = delete;
   Station& operator=(const Station&) = delete;
 
   void start();
   void stop();
-  // Takes over what can be taken over while running; returns the keys that only a restart changes.
-  std::vector<std::string> reload(const StationConfig& config);
+  // Takes over what can be taken over while running; returns the keys that only a restart changes. Throws
+  // what the constructor throws, Stopped too; then nothing has changed.
+  std::vector<std::string> reload(const StationConfig& config, const std::stop_token& stop);
 
   unsigned short port() const;
   std::string status_text() const;
@@ -35,7 +38,7 @@ class Station {
 };
 
 // `lampglow serve`: runs until SIGTERM or SIGINT; SIGHUP reloads. Returns at the end; throws what Station
-// throws.
+// throws, and EndedBySignal if one of the two came before it was ready.
 void serve(const std::filesystem::path& config_file);
 
 }  // namespace lampglow::daemon

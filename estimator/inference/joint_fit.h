@@ -46,6 +46,7 @@ struct FitOptions {
 
 // Thrown if the caller no longer wants the answer. No std::exception, for it is no fault.
 struct FitStopped {};
+void stop_if_given_up(const std::function<bool()>& given_up);
 void stop_if_given_up(const FitOptions& options);
 
 // A point of the profiled posterior of ln σ.

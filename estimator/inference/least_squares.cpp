@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimator/inference/solver_stop.h"
 #include "estimator/observation.h"
 
 namespace lampglow::inference {
@@ -59,22 +60,14 @@ class CeresCost final : public ceres::CostFunction {
   std::vector<double> all_;
 };
 
-// Between two steps of the solver; what it then has is thrown away.
-class GivenUp final : public ceres::IterationCallback {
- public:
-  explicit GivenUp(const FitOptions& options) : options_(options) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return options_.given_up && options_.given_up() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const FitOptions& options_;
-};
-
 }  // namespace
 
+void stop_if_given_up(const std::function<bool()>& given_up) {
+  if (given_up && given_up()) throw FitStopped();
+}
+
 void stop_if_given_up(const FitOptions& options) {
-  if (options.given_up && options.given_up()) throw FitStopped();
+  stop_if_given_up(options.given_up);
 }
 
 Limits limits_of(const FitOptions& options) {
@@ -136,7 +129,7 @@ Solved solve(const Scene& scene, const FrameCost& cost, const RingData& data, co
   solver.max_num_line_search_step_size_iterations = 0;  // the bounds' line search doubles the evaluations
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
-  GivenUp given_up(options);
+  SolverStop given_up(options.given_up);
   solver.callbacks.push_back(&given_up);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "estimator/inference/solver_stop.h"
+
 namespace lampglow::inference {
 namespace {
 
@@ -317,8 +319,11 @@ LearnedSpread learn_spread(const Camera& camera, const photometry::RingMap& map,
   solver.max_num_iterations = 200;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
+  SolverStop given_up(given.given_up);
+  solver.callbacks.push_back(&given_up);
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
+  stop_if_given_up(given.given_up);
 
   const SpreadLayout& at = cost.layout();
   learned.spread.theta_rad = cost.nodes();

@@ -3,6 +3,7 @@
 // to 1.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -19,8 +20,9 @@ struct SpreadOptions {
       0.35;  // one standard deviation of the change of slope d ln p / d ln θ from node to node
   double core_fraction = 0.95;  // prior for cameras that saturate in every lamp, and
   double core_fraction_ln_sigma = 0.03;
-  double ring_error = 0.02;  // of a ring, relative to the lamp's own light
-  double slope_sigma = 1.0;  // of the sky's gradient, in sky units per half picture
+  double ring_error = 0.02;        // of a ring, relative to the lamp's own light
+  double slope_sigma = 1.0;        // of the sky's gradient, in sky units per half picture
+  std::function<bool()> given_up;  // as FitOptions'
 };
 
 struct LearnedSpread {

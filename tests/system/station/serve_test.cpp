@@ -157,24 +157,6 @@ TEST_F(Station, ItEndsInTimeAmidstAnArchiveAndTakesUpWithoutDoubling) {
   EXPECT_EQ(times.size(), kFrames + kClearReferences);
 }
 
-// The same pictures again and again, a second apart.
-void lengthen(const fs::path& archive, int brackets) {
-  std::istringstream rows(read_all(archive / "frames.csv"));
-  std::string text, row;
-  std::vector<std::string> fields;
-  while (std::getline(rows, row)) {
-    if (row.starts_with("2027")) continue;  // of an earlier call
-    text += row + "\n";
-    if (row.find(",observation") != std::string::npos) fields.push_back(row.substr(row.find(',')));
-  }
-  for (int i = 0; i < brackets; ++i) {
-    char time[32];
-    std::snprintf(time, sizeof time, "2027-01-01T%02d:%02d:%02dZ", i / 3600, i / 60 % 60, i % 60);
-    text += time + fields[static_cast<std::size_t>(i) % fields.size()] + "\n";
-  }
-  write_file(archive / "frames.csv", text);
-}
-
 // The rows that `lampglow export` writes, by their time, which is taken out of them.
 std::map<std::string, json::object> rows_of(const std::string& database) {
   const ProgramRun run = run_program({"export", database, "--format", "json"});

@@ -40,4 +40,8 @@ class Serving {
   pid_t pid_ = -1;
 };
 
+// The archive's pictures of this role ("observation", "clear_reference") again and again, a second apart, for
+// so many brackets more; those of an earlier call go.
+void lengthen(const fs::path& archive, int brackets, const std::string& role = "observation");
+
 }  // namespace lampglow::testing
