@@ -17,7 +17,8 @@ Exposure decode(const char* fourcc, int width, int height, std::size_t stride, c
 }
 
 std::vector<std::uint16_t> values(const Exposure& exposure) {
-  return exposure.pixels.pixels;
+  const auto& pixels = exposure.pixels.pixels;
+  return {pixels.begin(), pixels.end()};
 }
 
 TEST(RawFrame, GreyWithPaddedLines) {
