@@ -8,7 +8,7 @@
 
 #include "estimator/inference/luminaire.h"
 #include "estimator/inference/scene.h"
-#include "estimator/vectorized.h"
+#include "estimator/photometry/vectorized.h"
 
 namespace lampglow::inference {
 namespace {

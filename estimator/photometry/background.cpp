@@ -6,7 +6,7 @@
 
 #include "estimator/photometry/lamps.h"
 #include "estimator/photometry/median.h"
-#include "estimator/vectorized.h"
+#include "estimator/photometry/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "estimator/vectorized.h"
+#include "estimator/photometry/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {

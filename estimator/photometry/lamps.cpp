@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "estimator/vectorized.h"
+#include "estimator/photometry/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {

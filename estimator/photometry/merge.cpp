@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "estimator/vectorized.h"
+#include "estimator/photometry/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "estimator/vectorized.h"
+#include "estimator/photometry/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {

@@ -8,8 +8,8 @@
 #include "estimator/photometry/merge.h"
 #include "estimator/photometry/overlay.h"
 #include "estimator/photometry/response.h"
+#include "estimator/photometry/vectorized.h"
 #include "estimator/photometry/vignetting.h"
-#include "estimator/vectorized.h"
 
 namespace lampglow::photometry {
 namespace {

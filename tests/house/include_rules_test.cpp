@@ -39,6 +39,11 @@ Prefixes operator+(Prefixes a, const Prefixes& b) {
 
 const std::vector<Rule>& rules() {
   static const std::vector<Rule> all{
+      // Asks the system for large pages (sys/mman.h), on which no result depends.
+      {"estimator/photometry/pixel_memory.h",
+       {},
+       {},
+       {"fstream", "filesystem", "thread", "mutex", "unistd.h", "fcntl.h"}},
       {"estimator/scattering/", {"estimator/scattering/"}, {"fftw3.h"}, kPure},
       {"estimator/photometry/", Prefixes{"estimator/photometry/"} + kTypes, {"opencv2/"}, kPure},
       {"estimator/inference/",
