@@ -1,5 +1,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <opencv2/core/utility.hpp>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,8 @@ int main(int argc, char** argv) {
                    "lampglow"};
   program.require_subcommand(1);
   program.footer("Example:\n  lampglow replay archive --csv out.csv\n\nEvery command has its own --help.");
+  cv::setNumThreads(
+      1);  // frames are worked on in parallel already; OpenCV's own threads would spin beside them
   try {
     add_commands(program);
     refuse_unknown_command(program, argc, argv);

@@ -8,7 +8,6 @@
 #include <map>
 #include <mutex>
 #include <numeric>
-#include <opencv2/core.hpp>
 
 #include "daemon/simulation/archive_writer.h"
 #include "daemon/simulation/bound.h"
@@ -141,7 +140,6 @@ class ArchiveMaker {
 
 int simulate_night(const NightOptions& options, const SimulationRun& run, const Progress& progress,
                    const std::stop_token& stop) {
-  cv::setNumThreads(1);  // frames are made in parallel already
   std::filesystem::create_directories(run.directory / "images");
   const Night night = plan_night(options);
   // With all luminaires cut-off only cars have even halos.
