@@ -62,7 +62,9 @@ constexpr std::array kRegistry{
     QualityFlag{Quality::sun_in_picture, "sun_in_picture", "The sun is in the picture or close to it."},
     QualityFlag{Quality::low_sun, "low_sun",
                 "Low sun lights the targets; their intrinsic brightness is uncertain."},
-    QualityFlag{Quality::shadows, "shadows", "Shadows or bright patches move over the targets."},
+    QualityFlag{
+        Quality::shadows, "shadows",
+        "The light on the targets is not that of the clear reference: shadows, bright patches, or no sun."},
     QualityFlag{Quality::snow, "snow", "Targets are brighter than dark targets are: snow or frost."},
     QualityFlag{Quality::rain_on_window, "rain_on_window",
                 "Parts of the targets are veiled or blurred and others not: drops on the window."},

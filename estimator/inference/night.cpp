@@ -163,26 +163,31 @@ void describe_lamps(const Night& night, const photometry::RegisteredFrame& regis
   }
 }
 
+double excess_of_luminaires(double q, const NightOptions& options) {
+  return options.luminaire_q_sigma * (1 - q) * (1 - q);
+}
+
 void fill_q(const JointFit& fit, const NightOptions& options, Observation& observation) {
   const double q = fit.parameters[Layout::q], sd = fit.sigma[Layout::q];
   if (sd <= 0 || sd > options.q_known_ratio * prior_q_sigma(fit.ln_sigma(), options.fit)) {
     observation.quality.set(Quality::q_unknown);
     return;
   }
-  const double whole = std::hypot(sd, options.luminaire_q_sigma * (1 - q) * (1 - q));
+  const double whole = std::hypot(sd, excess_of_luminaires(q, options));
   observation.q = q;
   observation.q_low = std::max(0.0, q - 1.96 * whole);
   observation.q_high = std::min(1.0, q + 1.96 * whole);
 }
 
-void fill_weather(const JointFit& fit, const SigmaBounds& bounds, std::optional<double> humidity,
-                  Observation& observation) {
+void fill_weather(const JointFit& fit, const SigmaBounds& bounds, const NightOptions& options,
+                  std::optional<double> humidity, Observation& observation) {
   AirEstimate air;
   air.ln_sigma = bounds.limit == Limit::none ? fit.ln_sigma() : std::log(bounds.value);
   air.ln_sigma_sd = bounds.limit == Limit::none ? bounds.ln_sd : 0.05;
   if (bounds.limit == Limit::none) {  // a limit has no q: its best mode need not be the right one
     air.q = fit.parameters[Layout::q];
     air.q_sd = std::max(fit.sigma[Layout::q], 0.01);
+    air.q_excess_of_luminaires = excess_of_luminaires(*air.q, options);
   }
   air.relative_humidity = humidity;
   air.limit = bounds.limit;
@@ -265,7 +270,7 @@ void measure_night(const photometry::RadianceImage& image, const photometry::Reg
   if (bounds.limit == Limit::above) observation.quality.set(Quality::limit_above);
   if (bounds.limit == Limit::below) observation.quality.set(Quality::limit_below);
   if (bounds.limit == Limit::none) fill_q(night.fit, options, observation);
-  fill_weather(night.fit, bounds, relative_humidity, observation);
+  fill_weather(night.fit, bounds, options, relative_humidity, observation);
 }
 
 }  // namespace lampglow::inference

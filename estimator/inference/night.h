@@ -33,7 +33,7 @@ struct NightOptions {
   double guest_strength_ln_sigma = 2, guest_saturated_ln_sigma = 1;
   // A luminaire that sends its light down has another halo than an even lamp, and its q reads too high: on
   // two cut-off archives of another program by 0.01 to 0.02 in fog and up to 0.12 in haze. One standard
-  // deviation of that is this times (1 − q)², in q's bounds alone.
+  // deviation of that is this times (1 − q)², in q's bounds and the weather's classes alone.
   double luminaire_q_sigma = 2;
   double q_known_ratio = 0.75;  // q is given if its posterior σ is below this part of its prior's
 };

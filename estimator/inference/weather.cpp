@@ -28,6 +28,14 @@ constexpr ClassRange kRanges[] = {
     {Weather::rain, 500, 10000, 0.90, 0.99},
 };
 
+// Of even lamps, and of such as send their light down: either may be before us.
+double evidence_of_q(const AirEstimate& air, const ClassRange& range) {
+  const double sd = std::hypot(air.q_sd.value_or(0.1), 0.01), excess = air.q_excess_of_luminaires;
+  const double even = evidence(*air.q, sd, range.q_low, range.q_high);
+  if (excess <= 0) return even;
+  return (even + evidence(*air.q - excess, std::hypot(sd, excess / 2), range.q_low, range.q_high)) / 2;
+}
+
 double humidity_factor(Weather weather, double humidity) {
   const double wet = 1.0 / (1.0 + std::exp(-(humidity - 0.88) / 0.03));
   switch (weather) {
@@ -60,7 +68,7 @@ std::array<double, 6> weather_probabilities(const AirEstimate& air) {
     if (range.weather == Weather::clear && air.limit == Limit::above) high = std::max(high, ln_mor + 1);
     if (range.weather == Weather::fog && air.limit == Limit::below) low = std::min(low, ln_mor - 1);
     double value = evidence(ln_mor, std::hypot(air.ln_sigma_sd, 0.02), low, high);
-    if (air.q) value *= evidence(*air.q, std::hypot(air.q_sd.value_or(0.1), 0.01), range.q_low, range.q_high);
+    if (air.q) value *= evidence_of_q(air, range);
     if (air.relative_humidity) value *= humidity_factor(range.weather, *air.relative_humidity);
     p[static_cast<size_t>(range.weather)] = value;
     sum += value;

@@ -15,6 +15,8 @@ Weather lecture_class(double q);
 struct AirEstimate {
   double ln_sigma = 0, ln_sigma_sd = 0;                         // posterior, about normal
   std::optional<double> q = std::nullopt, q_sd = std::nullopt;  // empty: q says nothing
+  // By how much q reads too high if the lamps send their light down; whether they do is not known.
+  double q_excess_of_luminaires = 0;
   std::optional<double> relative_humidity = std::nullopt;       // 0..1
   Limit limit = Limit::none;
 };
