@@ -17,7 +17,7 @@ struct AirEstimate {
   std::optional<double> q = std::nullopt, q_sd = std::nullopt;  // empty: q says nothing
   // By how much q reads too high if the lamps send their light down; whether they do is not known.
   double q_excess_of_luminaires = 0;
-  std::optional<double> relative_humidity = std::nullopt;       // 0..1
+  std::optional<double> relative_humidity = std::nullopt;  // 0..1
   Limit limit = Limit::none;
 };
 

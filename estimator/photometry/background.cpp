@@ -54,7 +54,8 @@ Cell measure_cell(const RadianceView& image, int left, int top, int mesh_px, int
   const int bottom = std::min(top + mesh_px, image.radiance.height_px);
   const int step = std::max(1, mesh_px / samples);
   std::vector<float> values;
-  values.reserve(static_cast<size_t>((mesh_px / step + 1) * (mesh_px / step + 1)));
+  const auto along_side = static_cast<size_t>(mesh_px / step + 1);
+  values.reserve(along_side * along_side);
   double variance = 0;
   for (int y = top + step / 2; y < bottom; y += step) {
     for (int x = left + step / 2; x < right; x += step) {

@@ -125,9 +125,11 @@ TEST(Detection, FindsAllLampsAndNothingElse) {
       for (int x = 0; x < 400; ++x)
         truth.at(x, y) = 20 + 80.0 * y / 300 + 40 * std::exp(-std::pow((x - 200) / 80.0, 2));
     std::vector<scene::Lamp> lamps;
-    for (int i = 0; i < 20; ++i)
-      lamps.push_back({25 + (i % 5) * 80 + 30 * part(random), 30 + (i / 5) * 70 + 20 * part(random),
-                       std::pow(10, 3 + 2 * part(random)), 0.9, 0.02, 10});
+    lamps.reserve(20);
+    for (int row = 0; row < 4; ++row)
+      for (int column = 0; column < 5; ++column)
+        lamps.push_back({25 + column * 80 + 30 * part(random), 30 + row * 70 + 20 * part(random),
+                         std::pow(10, 3 + 2 * part(random)), 0.9, 0.02, 10});
     for (const auto& lamp : lamps) scene::add_lamp(truth, lamp);
     truth.at(100, 200) += 2000;  // a hot pixel
     for (const int binning : {1, 2}) {
