@@ -3,6 +3,7 @@
 #include "daemon/sources/archive.h"
 #include "daemon/sources/fault.h"
 #include "daemon/station/log.h"
+#include "daemon/station/notify.h"
 #include "daemon/station/stop_while_busy.h"
 
 namespace lampglow::daemon {
@@ -26,9 +27,19 @@ FrameResult without_value(const Bracket& bracket, Quality why, std::string reaso
   return result;
 }
 
-// What is learned or measured with these options is given up soon after `stop` asked for it.
+// What is measured with these options is given up soon after `stop` asked for it.
 EstimatorOptions until(const std::stop_token& stop, EstimatorOptions options) {
   options.night.fit.given_up = [stop] { return stop.stop_requested(); };
+  return options;
+}
+
+// The same for what is learned. It asks after each step, and may take longer than systemd waits for a sign of
+// life.
+EstimatorOptions learning_until(const std::stop_token& stop, EstimatorOptions options) {
+  options.night.fit.given_up = [stop] {
+    notify_progress();
+    return stop.stop_requested();
+  };
   return options;
 }
 
@@ -55,7 +66,7 @@ std::shared_ptr<const CameraSetup> set_up(const CameraConfig& camera, const std:
   setup->name = camera.name;
   setup->site = camera.site;
   const ClearBrackets clear = clear_brackets(camera);
-  const EstimatorOptions options = until(stop, setup->estimator);
+  const EstimatorOptions options = learning_until(stop, setup->estimator);
   try {
     setup->base = setup->reference = learn_reference(clear, setup->site, options);
     learn_targets(clear, setup->site, options);

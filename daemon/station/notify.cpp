@@ -29,6 +29,15 @@ void notify_watchdog() {
   sd_notify(0, "WATCHDOG=1");
 }
 
+void notify_progress() {
+  using std::chrono::steady_clock;
+  static thread_local steady_clock::time_point told;
+  const steady_clock::time_point now = steady_clock::now();
+  if (now - told < std::chrono::seconds(1)) return;
+  told = now;
+  sd_notify(0, "WATCHDOG=1\nEXTEND_TIMEOUT_USEC=60000000");
+}
+
 std::optional<std::chrono::microseconds> watchdog_period() {
   std::uint64_t usec = 0;
   if (sd_watchdog_enabled(0, &usec) <= 0) return std::nullopt;

@@ -12,6 +12,9 @@ void notify_reloading();
 void notify_stopping();
 void notify_status(const std::string& text);
 void notify_watchdog();
+// A step of long work at the start or in a reload is done: the watchdog is fed, and a start may take a minute
+// longer from now. Told once a second at the most; one thread's.
+void notify_progress();
 // The unit's WatchdogSec=; empty if there is none.
 std::optional<std::chrono::microseconds> watchdog_period();
 

@@ -10,6 +10,7 @@
 #include "storage/store.h"
 #include "tests/storage/sample.h"
 #include "tests/support/run_program.h"
+#include "tests/system/station/notify_socket.h"
 #include "tests/system/station/serving.h"
 
 namespace lampglow::testing {
@@ -95,8 +96,11 @@ TEST_F(Start, EndsInTimeWhileItLearnsTheReference) {
   for (const int signal : {SIGTERM, SIGINT}) {
     configure("long");
     const fs::path log = folder_ / ("log-" + std::to_string(signal));
+    const NotifySocket systemd(folder_ / "notify");
     Serving station(config_file(), log);
     ASSERT_TRUE(eventually(10s, [&] { return fs::exists(database()); })) << station.log();
+    EXPECT_TRUE(
+        eventually(3s, [&] { return systemd.heard().find("EXTEND_TIMEOUT_USEC=") != std::string::npos; }));
     std::this_thread::sleep_for(1s);
     expect_ended_before_ready(station, signal, "learning the clear reference of camera quay was broken off");
   }
@@ -132,11 +136,13 @@ TEST_F(Start, EndsInTimeWhileItChecksALargeDatabaseOnASlowDisk) {
 // The same learning, in a reload: what runs is ended as ever.
 TEST_F(Start, EndsInTimeWhileAReloadLearnsTheReference) {
   make_long_reference();
+  const NotifySocket systemd(folder_ / "notify");
   Serving station(config_file(), folder_ / "log");
   ASSERT_TRUE(eventually(20s, [&] { return ask(port_, "/readyz").status == 200; })) << station.log();
   configure("long");
   station.signal(SIGHUP);
-  std::this_thread::sleep_for(2s);
+  ASSERT_TRUE(eventually(3s, [&] { return systemd.heard().find("RELOADING=1") != std::string::npos; }));
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(systemd.fed_within(3s)) << "learning is progress";
   ASSERT_THAT(station.log(), Not(HasSubstr("configuration reloaded")));
   station.signal(SIGTERM);
   EXPECT_EQ(station.wait(kLimit), 0) << station.log();

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 #include <sys/ptrace.h>
-#include <sys/socket.h>
-#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,6 +11,7 @@
 
 #include "tests/support/run_program.h"
 #include "tests/system/cameras/web_servers.h"
+#include "tests/system/station/notify_socket.h"
 #include "tests/system/station/serving.h"
 
 namespace lampglow::testing {
@@ -22,43 +21,6 @@ using namespace std::chrono_literals;
 using std::chrono::steady_clock;
 using test::read_all;
 using test::run_program;
-
-// What systemd would hear.
-class NotifySocket {
- public:
-  explicit NotifySocket(const fs::path& path, std::chrono::microseconds watchdog = 60s)
-      : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0)) {
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    path.string().copy(address.sun_path, sizeof address.sun_path - 1);
-    if (::bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-      ADD_FAILURE() << "no socket at " << path;
-    ::setenv("NOTIFY_SOCKET", path.c_str(), 1);
-    ::setenv("WATCHDOG_USEC", std::to_string(watchdog.count()).c_str(), 1);
-  }
-  ~NotifySocket() {
-    ::unsetenv("NOTIFY_SOCKET");
-    ::unsetenv("WATCHDOG_USEC");
-    ::close(socket_);
-  }
-  NotifySocket(const NotifySocket&) = delete;
-  NotifySocket& operator=(const NotifySocket&) = delete;
-
-  // All that was said since the last call. Who does not listen makes the program wait.
-  std::string heard() const {
-    std::string all;
-    char buffer[4096];
-    for (ssize_t n = 0; (n = ::recv(socket_, buffer, sizeof buffer, 0)) > 0;)
-      all.append(buffer, static_cast<std::size_t>(n)) += '\n';
-    return all;
-  }
-  bool fed_within(std::chrono::milliseconds limit) const {
-    return eventually(limit, [&] { return heard().find("WATCHDOG=1") != std::string::npos; });
-  }
-
- private:
-  int socket_;
-};
 
 // A thread of a process by its name, only one that is running on a processor or waits for one if `busy`; 0 if
 // there is none.
