@@ -33,7 +33,9 @@ double evidence_of_q(const AirEstimate& air, const ClassRange& range) {
   const double sd = std::hypot(air.q_sd.value_or(0.1), 0.01), excess = air.q_excess_of_luminaires;
   const double even = evidence(*air.q, sd, range.q_low, range.q_high);
   if (excess <= 0) return even;
-  return (even + evidence(*air.q - excess, std::hypot(sd, excess / 2), range.q_low, range.q_high)) / 2;
+  constexpr double kSentDown = 0.25;  // how likely that is: halves would call mist of even lamps haze
+  return std::lerp(even, evidence(*air.q - excess, std::hypot(sd, excess / 2), range.q_low, range.q_high),
+                   kSentDown);
 }
 
 double humidity_factor(Weather weather, double humidity) {
