@@ -24,8 +24,8 @@ struct PixelAllocator {
   T* allocate(std::size_t count) {
     if (count * sizeof(T) < kWorthIt) return std::allocator<T>().allocate(count);
     const std::size_t size = size_of(count);
-    void* block = std::aligned_alloc(kHugePage, size);
-    if (block == nullptr) throw std::bad_alloc();
+    void* block = nullptr;
+    if (posix_memalign(&block, kHugePage, size) != 0) throw std::bad_alloc();
     madvise(block, size, MADV_HUGEPAGE);  // where it can't be had, small pages do
     return static_cast<T*>(block);
   }
