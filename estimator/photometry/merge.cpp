@@ -52,7 +52,7 @@ LAMPGLOW_VECTORIZED void add_weighted(std::span<const float> signal, const float
 LAMPGLOW_VECTORIZED void divide_weighted(std::span<const float> weight, float* __restrict sum,
                                          float* __restrict square) {
   for (size_t x = 0; x < weight.size(); ++x) {
-    const float inverse = 1.0F / (weight[x] + 1e-30F);  // no pixel without a weight gives a division by zero
+    const float inverse = 1.0F / (weight[x] + 1e-30F);  // a pixel that has none is no division by zero
     sum[x] = sum[x] * inverse;
     square[x] = square[x] * inverse * inverse;
   }
