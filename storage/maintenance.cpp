@@ -14,6 +14,8 @@
 namespace lampglow::storage {
 namespace {
 
+constexpr std::size_t kLongestFinding = 200;  // of what a check says of each page, in a message
+
 std::string checked(SQLite::Database& database, bool full) {
   SQLite::Statement pragma(database, full ? "PRAGMA integrity_check" : "PRAGMA quick_check");
   std::string out;
@@ -31,10 +33,48 @@ std::string stamp(TimePoint time) {
   return text;
 }
 
+// NAME.WHY-20261122T010203Z, with a number behind it where that is taken.
+std::filesystem::path unused_name(const std::filesystem::path& database, const std::string& why,
+                                  TimePoint now) {
+  const std::string first = database.string() + "." + why + "-" + stamp(now);
+  std::string name = first;
+  std::error_code unknown;
+  for (int i = 2; std::filesystem::exists(name, unknown) || std::filesystem::exists(name + "-wal", unknown);
+       ++i)
+    name = first + "-" + std::to_string(i);
+  return name;
+}
+
+void move_if_there(const std::filesystem::path& from, const std::filesystem::path& to) {
+  std::error_code error;
+  std::filesystem::rename(from, to, error);
+  if (error && error != std::errc::no_such_file_or_directory)
+    throw StorageError(StorageError::Kind::io, from.string() + ": " + error.message());
+}
+
 void remove_part(const std::filesystem::path& part) {
   std::error_code ignored;
   for (const char* suffix : {"", "-wal", "-shm", "-journal"})
     std::filesystem::remove(part.string() + suffix, ignored);
+}
+
+// A copy that does not fit would take the writer's room, too. A tenth is left for what is written meanwhile.
+void needs_room(const std::filesystem::path& database, const std::filesystem::path& copy) {
+  std::error_code unknown;
+  const std::uintmax_t size = std::filesystem::file_size(database, unknown);
+  if (unknown) return;  // opening it says why
+  const std::filesystem::path folder = copy.has_parent_path() ? copy.parent_path() : ".";
+  const std::filesystem::space_info space = std::filesystem::space(folder, unknown);
+  if (unknown || space.available >= size + size / 10) return;
+  throw StorageError(StorageError::Kind::full,
+                     copy.string() + ": a copy needs " + std::to_string((size + size / 10) >> 20) +
+                         " MiB, of which " + std::to_string(space.available >> 20) + " are free");
+}
+
+void publish(const std::filesystem::path& part, const std::filesystem::path& copy) {
+  std::error_code error;
+  std::filesystem::rename(part, copy, error);
+  if (error) throw StorageError(StorageError::Kind::io, copy.string() + ": " + error.message());
 }
 
 // Under WAL a reader never stops the writer. One that did not hold its state would begin the copy afresh with
@@ -59,7 +99,8 @@ void check_copy(const std::filesystem::path& database, const std::filesystem::pa
   std::string found;
   until_stopped(copy, stop, "the check", [&] { found = checked(copy, true); });
   if (found != "ok")
-    throw StorageError(StorageError::Kind::corrupt, database.string() + ": its copy is damaged: " + found);
+    throw StorageError(StorageError::Kind::corrupt,
+                       database.string() + ": its copy is damaged: " + found.substr(0, kLongestFinding));
 }
 
 // The start of the hour so many days ago; empty: for ever.
@@ -91,35 +132,31 @@ bool backup(const std::filesystem::path& database, const std::filesystem::path& 
   const std::filesystem::path part = copy.string() + ".part";
   remove_part(part);
   try {
+    needs_room(database, copy);
     guarded(copy.string(), [&] {
       copy_all(database, part, stop);
       check_copy(database, part, stop);
     });
+    if (!stop.stop_requested()) publish(part, copy);
   } catch (const StorageError&) {
+    remove_part(part);  // a disk that is full must not stay so
     if (!stop.stop_requested()) throw;
   }
-  if (stop.stop_requested()) {
-    remove_part(part);
-    return false;
-  }
-  std::error_code error;
-  std::filesystem::rename(part, copy, error);
-  if (error) throw StorageError(StorageError::Kind::io, copy.string() + ": " + error.message());
-  return true;
+  remove_part(part);
+  return !stop.stop_requested();
 }
 
 std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint now) {
-  std::filesystem::path aside = database.string() + ".corrupt-" + stamp(now);
-  for (int i = 2; std::filesystem::exists(aside); ++i)
-    aside = database.string() + ".corrupt-" + stamp(now) + "-" + std::to_string(i);
-  for (const char* suffix : {"-wal", "-shm", ""}) {
-    std::error_code error;
-    const std::filesystem::path from = database.string() + suffix;
-    if (!std::filesystem::exists(from)) continue;
-    std::filesystem::rename(from, aside.string() + suffix, error);
-    if (error) throw StorageError(StorageError::Kind::io, from.string() + ": " + error.message());
-  }
+  const std::filesystem::path aside = unused_name(database, "corrupt", now);
+  for (const char* suffix : {"-wal", "-shm", ""})
+    move_if_there(database.string() + suffix, aside.string() + suffix);
   return aside;
+}
+
+void set_wal_aside(const std::filesystem::path& database, TimePoint now) {
+  const std::filesystem::path aside = unused_name(database, "replaced", now);
+  for (const char* suffix : {"-wal", "-shm"})
+    move_if_there(database.string() + suffix, aside.string() + suffix);
 }
 
 std::string check(const std::filesystem::path& database, bool full, const std::stop_token& stop) {

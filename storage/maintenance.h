@@ -27,14 +27,18 @@ struct Retention {
 int apply_retention(Store& store, const Retention& retention, TimePoint now, int max_rows = 2000);
 
 // A copy of a database that may be in use: by the backup API to `copy`.part, PRAGMA integrity_check on it,
-// then renamed to `copy`. Throws StorageError; `corrupt` if the copy does not pass. False: it was told to
-// stop, and there is no copy.
+// then renamed to `copy`. Throws StorageError; `full` before it begins if there is no room for it, `corrupt`
+// if the copy does not pass. False: it was told to stop. Without a copy nothing of it is left.
 bool backup(const std::filesystem::path& database, const std::filesystem::path& copy,
             const std::stop_token& stop = {});
 
 // Renames the database and its -wal and -shm to NAME.corrupt-20261122T010203Z...; nothing is deleted. Returns
 // the new name. Throws StorageError if it cannot be renamed.
 std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint now);
+
+// Renames what is left of the -wal and -shm of a database whose file is gone or another one by now, to
+// NAME.replaced-20261122T010203Z-wal...
+void set_wal_aside(const std::filesystem::path& database, TimePoint now);
 
 // PRAGMA quick_check or integrity_check: "ok", or what is wrong. Opens the file for itself. Throws
 // StorageError where it cannot even be opened; `stopped` soon after a stop was asked for.

@@ -1,5 +1,9 @@
 #include "storage/store.h"
 
+#include <fcntl.h>
+#include <sqlite3.h>
+#include <unistd.h>
+
 #include <map>
 #include <set>
 #include <tuple>
@@ -31,6 +35,30 @@ SQLite::Database open_writer(const std::filesystem::path& file, const StoreOptio
   migrate(database, schema_version(), stop);
   return database;
 }
+
+// SQLite holds no lock on a WAL's own descriptor, so closing another one of it takes none away.
+void sync_file(const std::string& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) return;
+  const int failed = ::fdatasync(descriptor);
+  ::close(descriptor);
+  if (failed) throw StorageError(StorageError::Kind::io, file + ": cannot be synced");
+}
+
+// While it lives, what another connection holds is not waited for.
+class Unpatient {
+ public:
+  Unpatient(SQLite::Database& database, int patience_ms) : database_(database), patience_ms_(patience_ms) {
+    database_.setBusyTimeout(0);
+  }
+  ~Unpatient() { sqlite3_busy_timeout(database_.getHandle(), patience_ms_); }
+  Unpatient(const Unpatient&) = delete;
+  Unpatient& operator=(const Unpatient&) = delete;
+
+ private:
+  SQLite::Database& database_;
+  int patience_ms_;
+};
 
 }  // namespace
 
@@ -324,8 +352,11 @@ int Store::pending_frames() const {
 bool Store::checkpoint() {
   return guarded(impl_->file, [&] {
     impl_->commit();
+    const Unpatient unpatient(impl_->database, impl_->options.busy_timeout_ms);
     SQLite::Statement pragma(impl_->database, "PRAGMA wal_checkpoint(TRUNCATE)");
-    return pragma.executeStep() && pragma.getColumn(0).getInt() == 0;  // 1: it was held up
+    const bool whole = pragma.executeStep() && pragma.getColumn(0).getInt() == 0;  // 1: it was held up
+    if (!whole) sync_file(impl_->file + "-wal");  // SQLite may have left that out, too
+    return whole;
   });
 }
 

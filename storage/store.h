@@ -61,7 +61,8 @@ class Store {
   int pending_frames() const;
 
   // Moves the WAL into the database and truncates it, with a sync: what a power cut can lose is what came
-  // after. False: a reader held it up, and it is to be tried again.
+  // after. Waits for nobody. False: a reader held up a part, and it is to be tried again; what a power cut
+  // can lose is the same.
   bool checkpoint();
 
   // Drops up to `max_rows` of the oldest rows before `before` (of each camera); returns how many went.

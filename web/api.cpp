@@ -97,6 +97,22 @@ std::span<const Route> routes() {
   return list;
 }
 
+Api::Api(LiveState& live, ApiOptions options)
+    : live_(live), options_(std::move(options)), access_(std::make_shared<Access>(options_.access)) {}
+
+void Api::set_access(Access access) {
+  auto fresh = std::make_shared<const Access>(std::move(access));
+  const std::scoped_lock lock(access_mutex_);
+  access_.swap(fresh);
+}
+
+bool Api::allowed(const Route& route, const Request& request) const {
+  std::unique_lock lock(access_mutex_);
+  const std::shared_ptr<const Access> access = access_;
+  lock.unlock();
+  return !needs_token(route, access->protect) || token_allowed(request.authorization, access->token_hashes);
+}
+
 Route::Kind Api::kind(const Request& request) const {
   try {
     std::map<std::string, std::string> values;
@@ -130,9 +146,7 @@ Response Api::route(const Request& request, storage::Reader* reader) const {
   std::map<std::string, std::string> values;
   const Entry* entry = find_entry(target.path, values);
   if (!entry) return static_answer(request, target.path);
-  if (needs_token(entry->route, options_.protect) &&
-      !token_allowed(request.authorization, options_.token_hashes))
-    return unauthorized();
+  if (!allowed(entry->route, request)) return unauthorized();
   const Query query(target, entry->route.query);
   return entry->answer({request, target, query, values, live_, reader, options_});
 }

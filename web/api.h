@@ -3,6 +3,8 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -17,11 +19,16 @@ namespace lampglow::web {
 
 enum class Protect { nothing, pictures, everything };  // what needs a bearer token
 
+struct Access {
+  Protect protect = Protect::nothing;
+  std::vector<std::string> token_hashes;  // SHA-256, 64 hexadecimal digits each
+  bool operator==(const Access&) const = default;
+};
+
 struct ApiOptions {
   std::optional<std::filesystem::path> database;  // empty: only what is in memory
   std::filesystem::path pictures;                 // the folder of kept pictures
-  Protect protect = Protect::nothing;
-  std::vector<std::string> token_hashes;  // SHA-256, 64 hexadecimal digits each
+  Access access;
 };
 
 // A path of the interface; {name} stands for one segment. The server's whole routing table.
@@ -38,7 +45,7 @@ std::span<const Route> routes();
 
 class Api {
  public:
-  Api(LiveState& live, ApiOptions options) : live_(live), options_(std::move(options)) {}
+  Api(LiveState& live, ApiOptions options);
 
   // What answering takes: the server answers `memory` at once, gives `database` to a thread with a reader,
   // and keeps the connection of a `stream`. Bad requests are `memory`.
@@ -48,13 +55,19 @@ class Api {
   // 200 with an empty body, if it is allowed.
   Response answer(const Request& request, storage::Reader* reader) const;
 
-  const ApiOptions& options() const { return options_; }
+  const ApiOptions& options() const { return options_; }  // its access is the one at the start
+
+  // From any thread; requests that are answered later see it.
+  void set_access(Access access);
 
  private:
+  bool allowed(const Route& route, const Request& request) const;
   Response route(const Request& request, storage::Reader* reader) const;
 
   LiveState& live_;
   ApiOptions options_;
+  mutable std::mutex access_mutex_;
+  std::shared_ptr<const Access> access_;  // answered by several threads
 };
 
 // Messages for a client that was away for longer than the memory reaches: the observations since, from the

@@ -30,19 +30,18 @@ using PlainStream = beast::tcp_stream;
 using TlsStream = asio::ssl::stream<beast::tcp_stream>;  // through Beast's own ssl_stream answers over 64 KiB
                                                          // did not arrive
 
-asio::ssl::context tls_context(const ServerOptions& options) {
-  asio::ssl::context context(asio::ssl::context::tls_server);
-  if (options.tls_certificate.empty()) return context;
-  context.set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
-                      asio::ssl::context::no_tlsv1_1);
+// Null without a certificate.
+std::shared_ptr<asio::ssl::context> tls_context(const TlsFiles& files) {
+  if (files.certificate.empty()) return nullptr;
+  auto context = std::make_shared<asio::ssl::context>(asio::ssl::context::tls_server);
+  context->set_options(asio::ssl::context::default_workarounds | asio::ssl::context::no_tlsv1 |
+                       asio::ssl::context::no_tlsv1_1);
   error_code error;
-  context.use_certificate_chain_file(options.tls_certificate.string(), error);
+  context->use_certificate_chain_file(files.certificate.string(), error);
   if (error)
-    throw std::runtime_error(options.tls_certificate.string() +
-                             ": no usable PEM certificate: " + error.message());
-  context.use_private_key_file(options.tls_key.string(), asio::ssl::context::pem, error);
-  if (error)
-    throw std::runtime_error(options.tls_key.string() + ": no usable PEM key for it: " + error.message());
+    throw std::runtime_error(files.certificate.string() + ": no usable PEM certificate: " + error.message());
+  context->use_private_key_file(files.key.string(), asio::ssl::context::pem, error);
+  if (error) throw std::runtime_error(files.key.string() + ": no usable PEM key for it: " + error.message());
   return context;
 }
 
@@ -60,7 +59,7 @@ struct Server::Impl {
       : options(given),
         live(state),
         api(state, api_options),
-        tls(tls_context(given)),
+        tls(tls_context(given.tls)),
         acceptor(io),
         readers(api_options.database.value_or("")) {
     listen();
@@ -98,6 +97,11 @@ struct Server::Impl {
     database_threads.join();
   }
 
+  void end_streams() {
+    ++access_version;
+    wake_streams();
+  }
+
   void wake_streams() {
     for (asio::steady_timer* timer : waiting_streams) timer->cancel();
   }
@@ -121,7 +125,7 @@ struct Server::Impl {
   LiveState& live;
   Api api;
   asio::io_context io{1};
-  asio::ssl::context tls;
+  std::shared_ptr<asio::ssl::context> tls;  // null: plain HTTP; the io thread's
   tcp::acceptor acceptor;
   ReaderPool readers;
   asio::thread_pool database_threads{2};
@@ -130,6 +134,7 @@ struct Server::Impl {
   std::map<asio::ip::address, int> by_address;
   int connections = 0;
   int streams = 0;
+  int access_version = 0;
 };
 
 asio::awaitable<void> Server::Impl::accept_all() {
@@ -156,11 +161,12 @@ asio::awaitable<void> Server::Impl::connection(tcp::socket socket) {
   ++by_address[address];
   socket.set_option(tcp::no_delay(true), error);
   try {
-    if (options.tls_certificate.empty()) {
+    if (!tls) {
       PlainStream stream(std::move(socket));
       co_await serve(stream);
     } else {
-      TlsStream stream(std::move(socket), tls);
+      const std::shared_ptr<asio::ssl::context> context = tls;
+      TlsStream stream(std::move(socket), *context);
       beast::get_lowest_layer(stream).expires_after(options.header_timeout);
       const auto [failed] = co_await stream.async_handshake(asio::ssl::stream_base::server, kNoThrow);
       if (!failed) co_await serve(stream);
@@ -290,6 +296,7 @@ asio::awaitable<std::string> Server::Impl::first_messages(const Request& request
 
 template <typename Stream>
 asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& request, const std::string& head) {
+  const int admitted = access_version;
   if (const auto [error, count] = co_await asio::async_write(stream, asio::buffer(head), kNoThrow); error)
     co_return;
   std::uint64_t sequence = 0;
@@ -297,7 +304,7 @@ asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& reques
   asio::steady_timer timer(io);
   waiting_streams.insert(&timer);
   live.set_stream_clients(++streams);
-  for (;;) {
+  while (admitted == access_version) {
     if (const auto news = live.messages_after(sequence))
       for (const auto& message : *news) {
         text += message->wire;
@@ -329,6 +336,13 @@ void Server::start() {
 }
 void Server::stop() {
   impl_->stop();
+}
+void Server::set_tls(const TlsFiles& files) {
+  asio::post(impl_->io, [impl = impl_.get(), fresh = tls_context(files)] { impl->tls = fresh; });
+}
+void Server::set_access(Access access) {
+  impl_->api.set_access(std::move(access));
+  asio::post(impl_->io, [impl = impl_.get()] { impl->end_streams(); });
 }
 unsigned short Server::port() const {
   return impl_->acceptor.local_endpoint().port();

@@ -11,11 +11,16 @@
 
 namespace lampglow::web {
 
+struct TlsFiles {
+  std::filesystem::path certificate;  // PEM chain; empty: plain HTTP
+  std::filesystem::path key;          // PEM
+  bool operator==(const TlsFiles&) const = default;
+};
+
 struct ServerOptions {
-  std::string address = "127.0.0.1";      // an IP address; 0.0.0.0 or :: for all
-  unsigned short port = 8080;             // 0: any free one, see port()
-  std::filesystem::path tls_certificate;  // PEM chain; empty: plain HTTP
-  std::filesystem::path tls_key;          // PEM
+  std::string address = "127.0.0.1";  // an IP address; 0.0.0.0 or :: for all
+  unsigned short port = 8080;         // 0: any free one, see port()
+  TlsFiles tls;
   int max_connections = 4096;
   int max_connections_per_address = 256;
   int max_header_bytes = 8192;
@@ -37,6 +42,13 @@ class Server {
   void start();
   void stop();  // closes all connections; returns in well under a second
   unsigned short port() const;
+
+  // From any thread. Connections that are open keep their certificate; new ones get what the files hold now.
+  // Throws std::runtime_error saying which file is of no use; the old certificate then stays. Not from plain
+  // HTTP to TLS or back.
+  void set_tls(const TlsFiles& files);
+  // From any thread. Event streams are closed, so that their clients show a token that still holds.
+  void set_access(Access access);
 
  private:
   struct Impl;

@@ -7,7 +7,11 @@
 namespace lampglow::daemon {
 
 void needs_database(const std::string& file) {
-  if (!std::filesystem::is_regular_file(file)) throw IoError(file + ": there is no such database");
+  std::error_code error;
+  if (std::filesystem::is_regular_file(file, error)) return;
+  if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
+    throw IoError(file + ": " + error.message());
+  throw IoError(file + ": there is no such database");
 }
 
 void with_storage_errors(const std::function<void()>& work) {

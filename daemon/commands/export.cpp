@@ -83,13 +83,7 @@ void add_export(CLI::App& program) {
   command->footer(
       "Example:\n  lampglow export /var/lib/lampglow/lampglow.db --from 2026-11-01T00:00:00Z --step hour > "
       "month.csv");
-  command->callback([a] {
-    try {
-      export_rows(*a);
-    } catch (const storage::StorageError& error) {
-      throw DataError(error.what());
-    }
-  });
+  command->callback([a] { with_storage_errors([&] { export_rows(*a); }); });
 }
 
 }  // namespace lampglow::daemon

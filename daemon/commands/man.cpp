@@ -85,7 +85,7 @@ std::string footer_section(const CLI::App& command) {
 std::string exit_section() {
   return ".SH EXIT STATUS\n0 done; 64 bad usage; 65 bad data; 70 internal error; 74 input or output failed; "
          "78 bad "
-         "configuration or site file\n";
+         "configuration or site file; 130 or 143 ended by SIGINT or SIGTERM before the work was done\n";
 }
 
 std::string files_section() {

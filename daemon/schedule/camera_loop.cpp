@@ -61,7 +61,10 @@ class CameraLoop::Worker {
   }
 
  private:
+  enum class Waited { reached, clock_stepped, stopped };
+
   void run(std::stop_token stop);
+  Waited wait_for(std::optional<TimePoint> due, std::stop_token stop);
   void run_slot(TimePoint slot, MonotonicTime window_end, std::stop_token stop);
   void report_missed(TimePoint last_slot);
   Outcome attempt(std::stop_token stop);
@@ -121,9 +124,9 @@ void CameraLoop::Worker::run(std::stop_token stop) {
       const std::scoped_lock lock(mutex_);
       status_.next_due_utc = due;
     }
-    // None wanted for two days: look again in an hour.
-    if (!wait_until(due ? monotonic_of(*due) : clock_.monotonic() + std::chrono::hours(1), stop)) break;
-    if (clock_stepped() || !due) {
+    const Waited waited = wait_for(due, stop);
+    if (waited == Waited::stopped) break;
+    if (waited == Waited::clock_stepped || !due) {
       from = clock_.utc();
       continue;
     }
@@ -134,6 +137,19 @@ void CameraLoop::Worker::run(std::stop_token stop) {
     if (from < *due && *due - from < options_.clock_step) from = *due;  // woken a little early
   }
   source_->close();
+}
+
+// In pieces: a computer without a clock of its own gets the time minutes after its start, and a slot that was
+// hours away by the wrong one may be now.
+CameraLoop::Worker::Waited CameraLoop::Worker::wait_for(std::optional<TimePoint> due, std::stop_token stop) {
+  constexpr std::chrono::seconds kPiece{10};
+  const MonotonicTime look_again = clock_.monotonic() + std::chrono::hours(1);  // none is due for two days
+  for (;;) {
+    const MonotonicTime end = due ? monotonic_of(*due) : look_again;
+    if (!wait_until(std::min(end, clock_.monotonic() + kPiece), stop)) return Waited::stopped;
+    if (clock_stepped()) return Waited::clock_stepped;
+    if (clock_.monotonic() >= end) return Waited::reached;
+  }
 }
 
 void CameraLoop::Worker::run_slot(TimePoint slot, MonotonicTime window_end, std::stop_token stop) {

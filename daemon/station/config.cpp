@@ -164,13 +164,13 @@ std::vector<CameraConfig> read_cameras(ConfigTable& root, const std::filesystem:
 
 void read_tokens(ConfigTable& table, StationConfig& config) {
   const auto protect = table.one_of("protect", {"nothing", "pictures", "everything"});
-  if (protect == "pictures") config.protect = web::Protect::pictures;
-  if (protect == "everything") config.protect = web::Protect::everything;
-  config.token_hashes = table.texts("token_hashes").value_or(std::vector<std::string>());
-  for (const std::string& hash : config.token_hashes)
+  if (protect == "pictures") config.access.protect = web::Protect::pictures;
+  if (protect == "everything") config.access.protect = web::Protect::everything;
+  config.access.token_hashes = table.texts("token_hashes").value_or(std::vector<std::string>());
+  for (const std::string& hash : config.access.token_hashes)
     if (hash.size() != 64 || hash.find_first_not_of("0123456789abcdef") != std::string::npos)
       table.problem("token_hashes", "expected 64 hexadecimal digits as `lampglow token` prints them");
-  if (config.protect != web::Protect::nothing && config.token_hashes.empty())
+  if (config.access.protect != web::Protect::nothing && config.access.token_hashes.empty())
     table.problem("protect", "is of no use without token_hashes; `lampglow token` makes one");
 }
 
@@ -179,9 +179,9 @@ void read_http(std::optional<ConfigTable> table, const std::filesystem::path& fo
   web::ServerOptions& http = config.http;
   http.address = table->text("address").value_or(http.address);
   http.port = static_cast<unsigned short>(table->integer("port", 0, 65535).value_or(http.port));
-  http.tls_certificate = relative_to(folder, table->text("tls_certificate").value_or(""));
-  http.tls_key = relative_to(folder, table->text("tls_key").value_or(""));
-  if (http.tls_certificate.empty() != http.tls_key.empty())
+  http.tls.certificate = relative_to(folder, table->text("tls_certificate").value_or(""));
+  http.tls.key = relative_to(folder, table->text("tls_key").value_or(""));
+  if (http.tls.certificate.empty() != http.tls.key.empty())
     table->problem("tls_key", "tls_certificate and tls_key belong together");
   const auto count = [&](const char* key, int& value, int low, int high) {
     value = static_cast<int>(table->integer(key, low, high).value_or(value));
@@ -266,14 +266,11 @@ std::vector<std::string> needs_restart(const StationConfig& running, const Stati
   differs("station.stale_after_s", running.stale_after, wanted.stale_after);
   differs("http.address", running.http.address, wanted.http.address);
   differs("http.port", running.http.port, wanted.http.port);
-  differs("http.tls_certificate", running.http.tls_certificate, wanted.http.tls_certificate);
-  differs("http.tls_key", running.http.tls_key, wanted.http.tls_key);
+  differs("http.tls_certificate", running.http.tls.certificate.empty(), wanted.http.tls.certificate.empty());
   differs("http.max_connections", running.http.max_connections, wanted.http.max_connections);
   differs("http.max_connections_per_address", running.http.max_connections_per_address,
           wanted.http.max_connections_per_address);
   differs("http.max_header_bytes", running.http.max_header_bytes, wanted.http.max_header_bytes);
-  differs("http.protect", running.protect, wanted.protect);
-  differs("http.token_hashes", running.token_hashes, wanted.token_hashes);
   return out;
 }
 

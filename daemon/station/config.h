@@ -46,8 +46,7 @@ struct StationConfig {
   std::chrono::seconds stale_after{300};
   std::vector<CameraConfig> cameras;
   web::ServerOptions http;
-  web::Protect protect = web::Protect::nothing;
-  std::vector<std::string> token_hashes;
+  web::Access access;
   storage::Retention retention;
   PictureOptions pictures;
   std::chrono::seconds checkpoint_every{600};  // what a power cut can lose

@@ -2,9 +2,12 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "daemon/station/log.h"
+#include "storage/reader.h"
 
 namespace lampglow::daemon {
 namespace {
@@ -18,10 +21,29 @@ using storage::Store;
 constexpr std::chrono::seconds kRetry{10};
 constexpr std::chrono::minutes kRetentionEvery{5};
 constexpr std::chrono::seconds kLookEvery{5};
+constexpr std::chrono::seconds kCheckpointRetry{5};
+constexpr std::chrono::hours kWorthATelling{48};  // that retention lags by
 
 // Every frame is committed at once: a killed process loses nothing, a power cut what came since the
 // checkpoint.
 constexpr storage::StoreOptions kLive{.batch_frames = 1};
+
+// How long a check and a migration of a file of this size may take: a page may be a seek of a slow disk.
+std::chrono::seconds longest_check(const std::filesystem::path& file) {
+  std::error_code none;
+  const std::uintmax_t bytes = std::filesystem::file_size(file, none);
+  return std::chrono::seconds(120 + (none ? 0 : bytes >> 19));  // 0.5 MiB/s
+}
+
+// Empty if nothing is stored.
+std::optional<TimePoint> newest_frame(const std::filesystem::path& file) {
+  storage::Reader reader(file);
+  std::optional<TimePoint> newest;
+  for (const storage::CameraRecord& camera : reader.cameras())
+    if (const auto row = reader.latest(camera.number))
+      newest = std::max(newest.value_or(TimePoint::min()), row->observation.time_utc);
+  return newest;
+}
 
 }  // namespace
 
@@ -58,7 +80,8 @@ bool Keeper::file_is_ours() const {
 
 // A damaged file is one that SQLite cannot open or whose quick_check finds something.
 void Keeper::open_fresh_if_damaged(TimePoint utc, const std::stop_token& stop) {
-  if (!std::filesystem::exists(file_)) return;
+  std::error_code unknown;
+  if (!std::filesystem::exists(file_, unknown)) return;
   std::string found;
   try {
     found = storage::check(file_, false, stop);
@@ -77,6 +100,7 @@ void Keeper::open(TimePoint utc, const std::stop_token& stop) {
   try {
     std::error_code ignored;
     std::filesystem::create_directories(file_.parent_path(), ignored);
+    callbacks_.on_long_step(longest_check(file_));
     open_fresh_if_damaged(utc, stop);
     store_ = std::make_unique<Store>(file_, kLive, stop);
     struct stat now {};
@@ -84,6 +108,7 @@ void Keeper::open(TimePoint utc, const std::stop_token& stop) {
       inode_ = now.st_ino;
       device_ = now.st_dev;
     }
+    retention_clock_.begin(newest_frame(file_));
     numbers_.clear();
     for (const auto& [name, site] : sites_) numbers_[name] = store_->upsert_camera(name, site);
   } catch (const StorageError& error) {
@@ -120,6 +145,28 @@ void Keeper::start_afresh(TimePoint utc, const std::string& why, bool set_aside_
   }
   references_.assign(in_force_.begin(), in_force_.end());
   open(utc);
+}
+
+// The file was deleted, or another one (a backup that is put back) stands in its place. What is left of the
+// old one's WAL must not be played into the new one.
+void Keeper::start_with_another_file(TimePoint utc) {
+  std::error_code unknown;
+  if (!std::filesystem::exists(file_, unknown))
+    return start_afresh(utc, "the database's file was removed", false);
+  store_.reset();
+  try {
+    storage::set_wal_aside(file_, utc);
+  } catch (const StorageError& error) {
+    return failed(error);
+  }
+  report(EventKind::database_set_aside, Severity::warning,
+         "the database's file was replaced; the station goes on with the one that is there now");
+  references_.assign(in_force_.begin(), in_force_.end());
+  open(utc);
+}
+
+void Keeper::set_aside_damaged(const std::string& found) {
+  if (store_) start_afresh(utc_, "the database is damaged (" + found.substr(0, 200) + ")", true);
 }
 
 bool Keeper::attempt(const std::function<void(Store&)>& work) {
@@ -168,7 +215,11 @@ void Keeper::drain() {
   if (!fault_.empty() && store_) {
     fault_.clear();
     callbacks_.on_fault("");
-    report(EventKind::database_recovered, Severity::info, "the database can be written again");
+    const std::string lost =
+        lost_ ? "; " + std::to_string(lost_) + " observations did not fit into memory and are lost" : "";
+    report(EventKind::database_recovered, lost_ ? Severity::error : Severity::info,
+           "the database can be written again" + lost);
+    lost_ = 0;
   }
 }
 
@@ -204,7 +255,7 @@ void Keeper::tick(TimePoint utc, std::chrono::steady_clock::time_point now) {
   utc_ = utc;
   if (now >= next_look_) {
     next_look_ = now + kLookEvery;
-    if (store_ && !file_is_ours()) start_afresh(utc, "the database's file was removed or replaced", false);
+    if (store_ && !file_is_ours()) start_with_another_file(utc);
   }
   if (now >= next_try_ && (!fault_.empty() || !store_)) {
     if (!store_) open(utc);
@@ -213,16 +264,26 @@ void Keeper::tick(TimePoint utc, std::chrono::steady_clock::time_point now) {
   if (!store_ || !fault_.empty()) return;
   drain();
   if (now >= next_checkpoint_) {
-    // A reader that holds an old state for a moment leaves the rest to the next tick.
     bool whole = false;
     attempt([&](Store& store) { whole = store.checkpoint(); });
-    next_checkpoint_ = whole ? now + checkpoint_every_ : now;
+    next_checkpoint_ = now + (whole ? checkpoint_every_ : std::min(kCheckpointRetry, checkpoint_every_));
   }
-  if (now >= next_retention_) {
-    int dropped = 0;
-    if (attempt([&](Store& store) { dropped = storage::apply_retention(store, retention_, utc); }))
-      next_retention_ = dropped ? now : now + kRetentionEvery;
-  }
+  if (now >= next_retention_) next_retention_ = drop_what_is_old(utc, now) ? now : now + kRetentionEvery;
+}
+
+// Whether there may be more.
+bool Keeper::drop_what_is_old(TimePoint utc, std::chrono::steady_clock::time_point now) {
+  const TimePoint time = retention_clock_.follow(utc, now);
+  const bool lags = retention_clock_.behind() > kWorthATelling;
+  if (lags && !std::exchange(told_of_lag_, true))
+    report(EventKind::retention, Severity::warning,
+           "the clock is " +
+               std::to_string(std::chrono::floor<std::chrono::days>(retention_clock_.behind()).count()) +
+               " days ahead of the newest stored frame; what is too old by it is dropped slowly, a day in an "
+               "hour");
+  int dropped = 0;
+  attempt([&](Store& store) { dropped = storage::apply_retention(store, retention_, time); });
+  return dropped > 0;
 }
 
 void Keeper::close() {

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "daemon/station/config.h"
+#include "daemon/station/retention_clock.h"
 #include "storage/maintenance.h"
 #include "storage/references.h"
 #include "storage/store.h"
@@ -20,6 +21,7 @@ namespace lampglow::daemon {
 struct KeeperCallbacks {
   std::function<void(const storage::Event&)> on_event;     // it is stored, too
   std::function<void(const std::string& fault)> on_fault;  // the database can't be written; empty: it can
+  std::function<void(std::chrono::seconds)> on_long_step;  // what comes may take up to so long
 };
 
 class Keeper {
@@ -42,13 +44,17 @@ class Keeper {
   void put_picture(const std::string& camera, const storage::PictureRecord& picture);
   void erase_picture(const storage::PictureRecord& picture);
 
+  // A check has found this in the file: it is set aside, and a fresh one begun.
+  void set_aside_damaged(const std::string& found);
+
   // About once a second: retries, checkpoint, retention, the file's presence.
   void tick(TimePoint utc, std::chrono::steady_clock::time_point now);
   // Stores what waits and syncs, as far as the disk allows.
   void close();
 
+  bool is_open() const { return store_ != nullptr; }
   std::size_t waiting() const { return waiting_.size(); }
-  std::uint64_t lost() const { return lost_; }
+  std::uint64_t lost() const { return lost_; }  // in a fault that lasts
 
   static constexpr std::size_t kMostWaiting = 2000;
 
@@ -68,6 +74,8 @@ class Keeper {
   void add_event(storage::Event event);
   void report(storage::EventKind kind, storage::Severity severity, const std::string& message);
   bool file_is_ours() const;
+  void start_with_another_file(TimePoint utc);
+  bool drop_what_is_old(TimePoint utc, std::chrono::steady_clock::time_point now);
 
   std::filesystem::path file_;
   storage::Retention retention_;
@@ -83,7 +91,9 @@ class Keeper {
   std::string fault_;
   TimePoint utc_{};
   std::chrono::steady_clock::time_point next_try_{}, next_checkpoint_{}, next_retention_{}, next_look_{};
-  std::uint64_t lost_ = 0;
+  RetentionClock retention_clock_;
+  bool told_of_lag_ = false;
+  std::uint64_t lost_ = 0;  // since the fault began
   std::uint64_t device_ = 0, inode_ = 0;
 };
 

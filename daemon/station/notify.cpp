@@ -38,6 +38,11 @@ void notify_progress() {
   sd_notify(0, "WATCHDOG=1\nEXTEND_TIMEOUT_USEC=60000000");
 }
 
+void notify_long_step(std::chrono::seconds at_most) {
+  sd_notifyf(0, "EXTEND_TIMEOUT_USEC=%lld",
+             static_cast<long long>(std::chrono::microseconds(at_most).count()));
+}
+
 std::optional<std::chrono::microseconds> watchdog_period() {
   std::uint64_t usec = 0;
   if (sd_watchdog_enabled(0, &usec) <= 0) return std::nullopt;

@@ -15,6 +15,8 @@ void notify_watchdog();
 // A step of long work at the start or in a reload is done: the watchdog is fed, and a start may take a minute
 // longer from now. Told once a second at the most; one thread's.
 void notify_progress();
+// What comes may take so long: where a start's time would be over before, it goes on until then.
+void notify_long_step(std::chrono::seconds at_most);
 // The unit's WatchdogSec=; empty if there is none.
 std::optional<std::chrono::microseconds> watchdog_period();
 

@@ -1,8 +1,11 @@
 #include "daemon/station/picture_keeper.h"
 
 #include <charconv>
+#include <optional>
 #include <set>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "daemon/config/files.h"
 #include "daemon/errors.h"
@@ -15,6 +18,25 @@ constexpr std::chrono::hours kLongestGap{1};
 
 std::int64_t hour_of(TimePoint time) {
   return std::chrono::floor<std::chrono::hours>(time).time_since_epoch().count();
+}
+
+struct NamedPicture {
+  TimePoint time_utc;
+  bool half = false;  // TIME.jpg.XXXXXX: the station was killed while it wrote it
+};
+
+// Empty: it has no picture's name.
+std::optional<NamedPicture> picture_of(const std::filesystem::path& file) {
+  constexpr std::string_view kEnd = ".jpg";
+  constexpr std::size_t kHalfEnd = 7;  // of PendingFile
+  const std::string name = file.filename().string();
+  std::int64_t time_ms = 0;
+  const auto [end, wrong] = std::from_chars(name.data(), name.data() + name.size(), time_ms);
+  if (wrong != std::errc{}) return std::nullopt;
+  const std::string_view rest = std::string_view(name).substr(static_cast<std::size_t>(end - name.data()));
+  const bool half = rest.size() == kEnd.size() + kHalfEnd && rest[kEnd.size()] == '.';
+  if (!rest.starts_with(kEnd) || (rest != kEnd && !half)) return std::nullopt;
+  return NamedPicture{TimePoint{std::chrono::milliseconds{time_ms}}, half};
 }
 
 }  // namespace
@@ -40,31 +62,40 @@ std::filesystem::path PictureKeeper::file_of(const storage::PictureRecord& pictu
 
 void PictureKeeper::load(const std::vector<storage::PictureRecord>& kept) {
   for (const storage::PictureRecord& picture : kept) {
-    kept_.emplace(picture.time_utc, picture);
-    bytes_ += picture.size_bytes;
+    put_on_shelf(picture);
     last_hour_[picture.camera] = hour_of(picture.time_utc);
   }
   adopt_files();
 }
 
+// What cannot be looked into (a disk's own lost+found) is not ours.
 void PictureKeeper::adopt_files() {
+  using Walk = std::filesystem::recursive_directory_iterator;
   std::set<std::filesystem::path> known;
-  for (const auto& [time, picture] : kept_) known.insert(file_of(picture));
-  std::error_code none_yet;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_, none_yet)) {
-    const std::filesystem::path& file = entry.path();
-    const std::string name = file.stem().string();
-    std::int64_t time_ms = 0;
-    const auto [end, wrong] = std::from_chars(name.data(), name.data() + name.size(), time_ms);
-    if (!entry.is_regular_file() || file.extension() != ".jpg" || wrong != std::errc{} ||
-        end != name.data() + name.size() || known.contains(file))
-      continue;
-    const TimePoint time{std::chrono::milliseconds{time_ms}};
-    const auto bytes = static_cast<std::int64_t>(entry.file_size());
-    kept_.emplace(time, storage::PictureRecord{file.parent_path().filename().string(), time,
-                                               storage::KeptFor::hourly, bytes});
-    bytes_ += bytes;
+  for (const Shelf* shelf : {&hourly_, &onsets_})
+    for (const auto& [time, picture] : shelf->pictures) known.insert(file_of(picture));
+  std::error_code error;
+  std::vector<std::filesystem::path> halves;
+  for (Walk walk(folder_, std::filesystem::directory_options::skip_permission_denied, error);
+       !error && walk != Walk(); walk.increment(error)) {
+    const std::filesystem::path& file = walk->path();
+    const std::optional<NamedPicture> picture = picture_of(file);
+    std::error_code unknown;
+    if (!picture || !walk->is_regular_file(unknown) || known.contains(file)) continue;
+    const auto bytes = static_cast<std::int64_t>(walk->file_size(unknown));
+    if (picture->half)
+      halves.push_back(file);
+    else if (!unknown)
+      put_on_shelf(
+          {file.parent_path().filename().string(), picture->time_utc, storage::KeptFor::hourly, bytes});
   }
+  for (const std::filesystem::path& file : halves) std::filesystem::remove(file, error);
+}
+
+void PictureKeeper::put_on_shelf(const storage::PictureRecord& picture) {
+  Shelf& shelf = shelf_of(picture.kept_for);
+  shelf.pictures.emplace(picture.time_utc, picture);
+  shelf.bytes += picture.size_bytes;
 }
 
 void PictureKeeper::offer(const std::string& camera, TimePoint time, bool fog_began, const std::string& jpeg,
@@ -84,15 +115,15 @@ void PictureKeeper::offer(const std::string& camera, TimePoint time, bool fog_be
   }
   last_hour_[camera] = hour_of(time);
   keeper.put_picture(camera, picture);
-  kept_.emplace(time, picture);
-  bytes_ += picture.size_bytes;
-  while (bytes_ > options_.max_bytes && !kept_.empty()) drop_oldest(keeper);
+  put_on_shelf(picture);
+  while (bytes() > options_.max_bytes) drop_one(keeper);
 }
 
-void PictureKeeper::drop_oldest(Keeper& keeper) {
-  const storage::PictureRecord picture = kept_.begin()->second;
-  kept_.erase(kept_.begin());
-  bytes_ -= picture.size_bytes;
+void PictureKeeper::drop_one(Keeper& keeper) {
+  Shelf& shelf = hourly_.pictures.empty() || onsets_.bytes > options_.max_bytes / 2 ? onsets_ : hourly_;
+  const storage::PictureRecord picture = shelf.pictures.begin()->second;
+  shelf.pictures.erase(shelf.pictures.begin());
+  shelf.bytes -= picture.size_bytes;
   std::error_code ignored;
   std::filesystem::remove(file_of(picture), ignored);
   keeper.erase_picture(picture);

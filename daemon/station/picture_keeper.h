@@ -1,5 +1,6 @@
 // Which pictures are kept as files beside the database: one an hour and every onset of fog, in a bounded
-// space.
+// space. Where it does not hold all, the oldest hourly ones go first: onsets are few, and what people look
+// for years later. Only what onsets take above half of the space goes before an hourly one.
 #pragma once
 
 #include <functional>
@@ -18,7 +19,6 @@ class FogWatch {
  public:
   enum class Change { none, began, ended };
   Change note(const Observation& observation);
-  bool in_fog() const { return in_fog_; }
 
  private:
   bool in_fog_ = false;
@@ -35,20 +35,28 @@ class PictureKeeper {
   void load(const std::vector<storage::PictureRecord>& kept);
   void set_options(const PictureOptions& options) { options_ = options; }
 
-  // Keeps the picture if it is worth it, and drops the oldest ones if there are too many bytes. A disk that
-  // is full is a warning in the log, no more.
+  // Keeps the picture if it is worth it, and drops others if there are too many bytes. A disk that is full is
+  // a warning in the log, no more.
   void offer(const std::string& camera, TimePoint time, bool fog_began, const std::string& jpeg,
              Keeper& keeper);
 
  private:
+  // The kept pictures of one kind, oldest first.
+  struct Shelf {
+    std::multimap<TimePoint, storage::PictureRecord> pictures;
+    std::int64_t bytes = 0;
+  };
+
   void adopt_files();
-  void drop_oldest(Keeper& keeper);
+  void put_on_shelf(const storage::PictureRecord& picture);
+  void drop_one(Keeper& keeper);
+  Shelf& shelf_of(storage::KeptFor kind) { return kind == storage::KeptFor::fog_onset ? onsets_ : hourly_; }
+  std::int64_t bytes() const { return hourly_.bytes + onsets_.bytes; }
   std::filesystem::path file_of(const storage::PictureRecord& picture) const;
 
   std::filesystem::path folder_;
   PictureOptions options_;
-  std::multimap<TimePoint, storage::PictureRecord> kept_;
-  std::int64_t bytes_ = 0;
+  Shelf hourly_, onsets_;
   std::map<std::string, std::int64_t> last_hour_;
 };
 

@@ -55,7 +55,7 @@ web::LiveOptions live_options(const StationConfig& config) {
 }
 
 web::ApiOptions api_options(const StationConfig& config) {
-  return {config.database(), config.picture_directory(), config.protect, config.token_hashes};
+  return {config.database(), config.picture_directory(), config.access};
 }
 
 // Twice the unit's WatchdogSec= (60 s); where no watchdog waits, as if it were that.
@@ -84,16 +84,21 @@ struct Station::Impl {
   void bound_drain();
   void write();
   void take(Done done);
-  void note_fog(const Done& done);
-  void tell(Event event);  // from any thread: stored, logged, streamed
+  bool note_fog(const Done& done);  // whether fog began
+  void tell(Event event);           // from any thread: stored, logged, streamed
   Opened open_camera(const CameraConfig& camera, const std::stop_token& stop);
   void install_camera(const CameraConfig& camera, Opened opened);
   void put_in_force(const std::shared_ptr<const CameraSetup>& setup);
   void adopt(const std::shared_ptr<const CameraSetup>& fresh);
+  void let_teach(const Adopted& adopted);
+  void adopt_late();
+  void allow_long_step(seconds at_most);
+  void note_backup(Backups::Result result, const std::string& message);
   void take_over(const Taught& taught);
   void close_camera(const std::string& name);
   void restore(const std::string& camera);
   void on_camera_event(const CameraEvent& event);
+  void take_over_http(const StationConfig& wanted);
   std::vector<std::string> reload(const StationConfig& wanted, const std::stop_token& stop);
 
   // Once it runs, the keeper belongs to the writer's thread.
@@ -122,12 +127,14 @@ struct Station::Impl {
   std::map<std::string, std::shared_ptr<const CameraSetup>> setups;
   std::map<std::string, std::unique_ptr<Feed>> feeds;  // the main thread's
   std::mutex feeds_mutex;                              // against note_mor from the writer
+  std::atomic<steady_clock::rep> writer_may_take_until{0};
   // The writer thread's, once it runs:
   std::map<std::string, FogWatch> fog;
   Teacher teacher;
   PictureKeeper pictures;
   Keeper keeper;
   Backups backups;
+  std::set<std::string> to_adopt;  // cameras whose stored reference could not be read yet
   std::atomic<steady_clock::rep> writer_moved{0};
   std::atomic<bool> stopped{false};
   std::stop_source give_up;  // frames that are not measured yet are not going to be
@@ -147,18 +154,32 @@ Station::Impl::Impl(const StationConfig& given, const std::stop_token& stop)
              {[this](const Event& event) { live.publish_event(event); },
               [this](const std::string& fault) {
                 live.set_fault("database", fault.empty() ? "" : "cannot be written");
-              }},
+              },
+              [this](std::chrono::seconds at_most) { allow_long_step(at_most); }},
              stop),
       backups(given.database(), given.backup_directory(), given.backups_kept, given.backup_hour_utc,
-              [this](bool good, const std::string& message) {
-                live.set_fault("backup", good ? "" : message);
-                tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
-                      good ? Severity::info : Severity::error, "", message});
-              }) {
+              [this](Backups::Result result, const std::string& message) { note_backup(result, message); }) {
   for (const CameraConfig& camera : config.cameras) install_camera(camera, open_camera(camera, stop));
   for (const CameraConfig& camera : config.cameras) restore(camera.name);
   pictures.load(kept_pictures(config.database(), utc_time()));
   server = std::make_unique<web::Server>(config.http, live, api_options(config));
+}
+
+// A step of the writer that has reason to take long: the check of a large database.
+void Station::Impl::allow_long_step(seconds at_most) {
+  notify_long_step(at_most);
+  writer_may_take_until = (steady_clock::now() + at_most).time_since_epoch().count();
+}
+
+// From the backup's thread.
+void Station::Impl::note_backup(Backups::Result result, const std::string& message) {
+  const bool good = result == Backups::Result::good;
+  const bool damaged = result == Backups::Result::damaged;
+  const std::string text = damaged ? "the backup failed: the database is damaged" : message;
+  live.set_fault("backup", good ? "" : text);
+  tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
+        good ? Severity::info : Severity::error, "", text});
+  if (damaged) writes.push([this, message] { keeper.set_aside_damaged(message); });
 }
 
 // All that can go wrong with a camera's configuration does so here, where nothing has changed yet.
@@ -188,10 +209,31 @@ void Station::Impl::put_in_force(const std::shared_ptr<const CameraSetup>& setup
 void Station::Impl::adopt(const std::shared_ptr<const CameraSetup>& fresh) {
   const Adopted adopted = adopt_reference(config.database(), fresh, utc_time());
   put_in_force(adopted.setup);
-  by_writer([this, adopted] {
-    if (adopted.to_store) keeper.put_reference(adopted.setup->name, *adopted.to_store);
-    teacher.take_over(adopted);
-  });
+  by_writer([this, adopted] { let_teach(adopted); });
+}
+
+// On the writer's thread. Where the database could not be read, what nights have taught is not known: nothing
+// must be taught on top of the brackets and stored as the newest.
+void Station::Impl::let_teach(const Adopted& adopted) {
+  if (!adopted.known) {
+    to_adopt.insert(adopted.setup->name);
+    teacher.forget(adopted.setup->name);
+    return;
+  }
+  if (adopted.to_store) keeper.put_reference(adopted.setup->name, *adopted.to_store);
+  teacher.take_over(adopted);
+}
+
+// On the writer's thread, once the database can be read after all.
+void Station::Impl::adopt_late() {
+  if (to_adopt.empty() || !keeper.is_open()) return;
+  for (const std::string& camera : std::exchange(to_adopt, {})) {
+    const auto setup = setup_of(camera);
+    if (!setup) continue;
+    const Adopted adopted = adopt_reference(config.database(), setup, utc_time());
+    put_in_force(adopted.setup);
+    let_teach(adopted);
+  }
 }
 
 // On the writer's thread: a night has taught something.
@@ -247,29 +289,28 @@ void Station::Impl::work() {
   pool.run({});
 }
 
-void Station::Impl::note_fog(const Done& done) {
+bool Station::Impl::note_fog(const Done& done) {
   const Observation& observation = done.result.observation;
   const FogWatch::Change change = fog[done.setup->name].note(observation);
-  if (change == FogWatch::Change::none) return;
+  if (change == FogWatch::Change::none) return false;
   const bool began = change == FogWatch::Change::began;
   const std::string message =
       fmt::format("fog {}: visibility {:.0f} m", began ? "began" : "ended", observation.mor_m().value_or(0));
   log(LogLevel::info, message, {{"camera", done.setup->name}});
   keeper.put_event({0, observation.time_utc, began ? EventKind::fog_began : EventKind::fog_ended,
                     Severity::info, done.setup->name, message});
+  return began;
 }
 
 // On the writer's thread: stored first, then shown.
 void Station::Impl::take(Done done) {
   const std::string& name = done.setup->name;
   const Observation& observation = done.result.observation;
-  const bool was_foggy = fog[name].in_fog();
   keeper.put(name, done.result);
   if (const auto taught = teacher.add(done)) take_over(*taught);
-  note_fog(done);
+  const bool fog_began = note_fog(done);
   if (done.pictures.plain_jpeg) {
-    const bool began = !was_foggy && fog[name].in_fog();
-    pictures.offer(name, observation.time_utc, began, *done.pictures.plain_jpeg, keeper);
+    pictures.offer(name, observation.time_utc, fog_began, *done.pictures.plain_jpeg, keeper);
     live.set_picture(name, {observation.time_utc, done.pictures.plain_jpeg, done.pictures.annotated_jpeg});
   }
   live.publish(name, done.result, done.duration_s);
@@ -287,10 +328,11 @@ void Station::Impl::write() {
       malloc_trim(0);  // what the frame needed and freed goes back to the system: some ms a frame
     }
     keeper.tick(utc_time(), steady_clock::now());
+    adopt_late();
     for (const Taught& taught : teacher.tick(utc_time())) take_over(taught);
     backups.tick(utc_time());
   }
-  backups.stop();  // a copy that is being made would hold up the last checkpoint
+  backups.stop();
   keeper.close();
 }
 
@@ -322,6 +364,7 @@ void Station::Impl::bound_drain() {
 void Station::Impl::stop() {
   if (stopped.exchange(true)) return;
   live.set_not_ready("stopping");
+  backups.request_stop();  // a copy that is being made would hold up the last checkpoint
   for (const auto& [name, feed] : feeds) feed->request_stop();
   {
     std::jthread bound;
@@ -351,6 +394,18 @@ void Station::Impl::close_camera(const std::string& name) {
   live.set_fault("camera " + name, "");
 }
 
+// A renewed certificate is in the same files, so they are read anew whatever their names. Throws where they
+// are of no use, and has then changed nothing.
+void Station::Impl::take_over_http(const StationConfig& wanted) {
+  if (!config.http.tls.certificate.empty() && !wanted.http.tls.certificate.empty()) {
+    server->set_tls(wanted.http.tls);
+    config.http.tls = wanted.http.tls;
+  }
+  if (config.access == wanted.access) return;
+  server->set_access(wanted.access);
+  config.access = wanted.access;
+}
+
 std::vector<std::string> Station::Impl::reload(const StationConfig& wanted, const std::stop_token& stop) {
   std::vector<std::string> left = needs_restart(config, wanted);
   std::map<std::string, std::string> before;
@@ -359,6 +414,7 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted, cons
   for (const CameraConfig& camera : wanted.cameras)
     if (!before.contains(camera.name) || before[camera.name] != camera.fingerprint)
       changed[camera.name] = open_camera(camera, stop);
+  take_over_http(wanted);
   std::set<std::string> wanted_names;
   for (const CameraConfig& camera : wanted.cameras) {
     wanted_names.insert(camera.name);
@@ -433,7 +489,8 @@ std::string Station::status_text() const {
 std::string Station::stuck() const {
   const auto now = steady_clock::now();
   const steady_clock::time_point moved{steady_clock::duration{impl_->writer_moved.load()}};
-  if (now - moved > kLongestWriterStep) return "the database's writer does not move";
+  const bool long_step = now.time_since_epoch().count() < impl_->writer_may_take_until;
+  if (now - moved > kLongestWriterStep && !long_step) return "the database's writer does not move";
   if (std::string worker = impl_->watch.stuck(now); !worker.empty()) return worker;
   const std::scoped_lock lock(impl_->feeds_mutex);
   for (const auto& [name, feed] : impl_->feeds)

@@ -54,13 +54,14 @@ void adopt_stored(const std::filesystem::path& database, TimePoint now, Adopted&
 
 Adopted adopt_reference(const std::filesystem::path& database,
                         const std::shared_ptr<const CameraSetup>& setup, TimePoint now) {
-  Adopted adopted{setup, {}, {}};
+  Adopted adopted{setup, {}, {}, true};
   if (!setup->base) return adopted;
   try {
     adopt_stored(database, now, adopted);
   } catch (const storage::StorageError& error) {
     log(LogLevel::warning, "the stored reference could not be read",
         {{"camera", setup->name}, {"reason", error.what()}});
+    return {setup, {}, {}, false};
   }
   return adopted;
 }

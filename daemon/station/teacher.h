@@ -20,8 +20,9 @@ struct Adopted {
   std::shared_ptr<const CameraSetup> setup;
   std::optional<storage::ReferenceRecord> to_store;  // the database has none, or one of other brackets
   std::vector<FrameResult> tonight;                  // frames since noon that were measured against it
+  bool known = true;                                 // false: the database could not be read
 };
-// A database that cannot be read is as one that knows nothing; the keeper tells of it.
+// The keeper tells of a database that cannot be read.
 Adopted adopt_reference(const std::filesystem::path& database,
                         const std::shared_ptr<const CameraSetup>& setup, TimePoint now);
 

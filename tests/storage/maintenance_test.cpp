@@ -3,8 +3,11 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <fstream>
 #include <map>
 #include <thread>
@@ -152,8 +155,8 @@ TEST_F(MaintenanceTest, ACheckpointWorksAtAnyMoment) {
   EXPECT_EQ(count("observation"), 1);
 }
 
-TEST_F(MaintenanceTest, ACheckpointThatAReaderHoldsUpSaysSo) {
-  Store store(file, {.busy_timeout_ms = 50});
+TEST_F(MaintenanceTest, ACheckpointThatAReaderHoldsUpSaysSoAtOnce) {
+  Store store(file, {.busy_timeout_ms = 20'000});
   fill(store, at("2026-11-01T00:00:00Z"), 10);
   EXPECT_TRUE(store.checkpoint());
   fill(store, at("2026-11-02T00:00:00Z"), 10);
@@ -162,9 +165,49 @@ TEST_F(MaintenanceTest, ACheckpointThatAReaderHoldsUpSaysSo) {
     SQLite::Database reader(file.string());
     reader.exec("BEGIN");
     EXPECT_EQ(reader.execAndGet("SELECT count(*) FROM observation").getInt(), 20);
+    const auto begin = std::chrono::steady_clock::now();
     EXPECT_FALSE(store.checkpoint());
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(5));
   }
   EXPECT_TRUE(store.checkpoint());
+}
+
+TEST_F(MaintenanceTest, ABackupThatFailsLeavesNothing) {
+  {
+    Store store(file);
+    fill(store, at("2026-11-01T00:00:00Z"), 2000);
+    EXPECT_TRUE(store.checkpoint());
+  }
+  // A page of the fits, which only a whole check of the copy finds.
+  std::fstream damaged(file, std::ios::in | std::ios::out | std::ios::binary);
+  damaged.seekp(static_cast<std::streamoff>(std::filesystem::file_size(file) / 4096 / 2 * 4096));
+  damaged << std::string(4096, '\xff');
+  damaged.close();
+  const auto copies = directory / "copies";
+  std::filesystem::create_directory(copies);
+  EXPECT_THROW(backup(file, copies / "copy.db"), StorageError);
+  EXPECT_TRUE(std::filesystem::is_empty(copies));
+}
+
+TEST_F(MaintenanceTest, ABackupThatDoesNotFitIsNotBegun) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root for a small disk";
+  const auto disk = directory / "disk";
+  std::filesystem::create_directory(disk);
+  if (::mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=256k") != 0) GTEST_SKIP() << "no mount here";
+  {
+    Store store(file);
+    fill(store, at("2026-11-01T00:00:00Z"), 2000);
+    EXPECT_TRUE(store.checkpoint());
+  }
+  try {
+    backup(file, disk / "copy.db");
+    ADD_FAILURE() << "a copy of " << std::filesystem::file_size(file) << " bytes in 256 KiB";
+  } catch (const StorageError& error) {
+    EXPECT_EQ(error.kind(), StorageError::Kind::full);
+    EXPECT_THAT(error.what(), testing::HasSubstr("MiB, of which 0 are free"));
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(disk));
+  ::umount(disk.c_str());
 }
 
 TEST_F(MaintenanceTest, ADamagedPageIsFoundAndTheFileSetAsideWithAllThatIsInIt) {

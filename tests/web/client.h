@@ -46,17 +46,20 @@ class Client {
     return text_;
   }
   bool closed() { return !read_some(); }
+  bool ended() const { return ended_; }  // the server said that nothing more comes
 
  private:
   bool read_some() {
     char bytes[65536];
     const ssize_t count = ::recv(fd_, bytes, sizeof bytes, 0);
+    ended_ = count == 0;
     if (count <= 0) return false;
     text_.append(bytes, static_cast<size_t>(count));
     return true;
   }
   int fd_;
   std::string text_;
+  bool ended_ = false;
 };
 
 struct Answer {

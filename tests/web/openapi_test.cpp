@@ -127,7 +127,7 @@ class OpenApiTest : public testing::Test {
 
   TemporaryDirectory directory;
   LiveState live{LiveOptions{.version = "test", .now = [] { return at("2026-11-22T01:00:40Z"); }}};
-  ApiOptions options{directory / "x.db", directory / "pictures", Protect::nothing, {}};
+  ApiOptions options{directory / "x.db", directory / "pictures", {}};
 };
 
 TEST_F(OpenApiTest, HasThePathsAndParametersOfTheImplementationAndNoOthers) {
@@ -209,8 +209,8 @@ TEST_F(OpenApiTest, CsvHasTheColumnsOfReplayFirst) {
 
 TEST_F(OpenApiTest, TokensProtectWhatTheyAreToProtect) {
   const std::string token = "a secret for this test";
-  options.token_hashes = {"0000000000000000000000000000000000000000000000000000000000000000",
-                          token_hash(token)};
+  options.access.token_hashes = {"0000000000000000000000000000000000000000000000000000000000000000",
+                                 token_hash(token)};
   for (const auto& [protect, path, open] : std::vector<std::tuple<Protect, std::string, bool>>{
            {Protect::pictures, "/v1/current", true},
            {Protect::pictures, "/v1/frames/latest.jpg", false},
@@ -220,7 +220,7 @@ TEST_F(OpenApiTest, TokensProtectWhatTheyAreToProtect) {
            {Protect::everything, "/metrics", false},
            {Protect::everything, "/healthz", true},
            {Protect::everything, "/", true}}) {
-    options.protect = protect;
+    options.access.protect = protect;
     EXPECT_EQ(ask(path).status, open ? 200 : 401) << path;
     EXPECT_EQ(ask(path, "", "Bearer wrong").status, open ? 200 : 401) << path;
     EXPECT_EQ(ask(path, "", "Bearer " + token).status, 200) << path;

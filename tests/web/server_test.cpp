@@ -12,6 +12,7 @@
 #include "tests/storage/temporary_directory.h"
 #include "tests/web/client.h"
 #include "web/static_files.h"
+#include "web/tokens.h"
 
 namespace lampglow::web {
 namespace {
@@ -250,6 +251,29 @@ TEST_F(ServerTest, AClientOfAnEarlierRunGetsWhatItMissedFromTheDatabase) {
   EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T00:59:30Z"));
   EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T01:00:30Z"));
   EXPECT_THAT(missed, Not(HasSubstr("quay/2026-11-22T00:58:30Z")));
+}
+
+TEST_F(ServerTest, ATokenThatIsTakenBackEndsItsStreamAndIsRefused) {
+  const std::string old_token = new_token(), fresh_token = new_token();
+  const auto stream_with = [](const std::string& token) {
+    return "GET /v1/stream HTTP/1.1\r\nHost: t\r\nAuthorization: Bearer " + token + "\r\n\r\n";
+  };
+  ApiOptions api;
+  api.access = {Protect::everything, {token_hash(old_token)}};
+  start({}, api);
+  Client streaming(server->port());
+  streaming.send(stream_with(old_token));
+  EXPECT_THAT(streaming.read_until("retry"), HasSubstr("200 OK"));
+  server->set_access({Protect::everything, {token_hash(fresh_token)}});
+  streaming.read_all();  // ends within the client's patience of 10 s
+  EXPECT_TRUE(streaming.ended());
+  EXPECT_EQ(ask("/v1/cameras", "Authorization: Bearer " + old_token + "\r\n").status, 401);
+  EXPECT_EQ(ask("/v1/cameras", "Authorization: Bearer " + fresh_token + "\r\n").status, 200);
+  Client again(server->port());
+  again.send(stream_with(fresh_token));
+  EXPECT_THAT(again.read_until("retry"), HasSubstr("200 OK"));
+  server->set_access({});
+  EXPECT_EQ(ask("/v1/cameras").status, 200);
 }
 
 TEST_F(ServerTest, StopsAtOnceWithClientsConnected) {

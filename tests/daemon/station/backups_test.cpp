@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <future>
 #include <optional>
 #include <thread>
@@ -26,7 +27,7 @@ using testing::HasSubstr;
 class BackupsTest : public testing::Test {
  protected:
   struct Told {
-    bool good = false;
+    Backups::Result result{};
     std::string message;
   };
 
@@ -41,8 +42,8 @@ class BackupsTest : public testing::Test {
   // What the backup of this time says, which may take `patience`; empty: none is made.
   std::optional<Told> at_time(const char* time, std::chrono::seconds patience = std::chrono::seconds(20)) {
     std::promise<Told> told;
-    Backups backups(file, copies, 2, 3, [&](bool good, const std::string& message) {
-      told.set_value({good, message});
+    Backups backups(file, copies, 2, 3, [&](Backups::Result result, const std::string& message) {
+      told.set_value({result, message});
     });
     backups.tick(at(time));
     backups.tick(at(time));  // a second look within the hour makes no second one
@@ -69,7 +70,7 @@ TEST_F(BackupsTest, OneANightCheckedAndTheOldestGo) {
   for (const char* time : {"2026-11-22T03:00:00Z", "2026-11-23T03:30:00Z", "2026-11-24T03:59:59Z"}) {
     const auto told = at_time(time);
     ASSERT_TRUE(told) << time;
-    EXPECT_TRUE(told->good) << told->message;
+    EXPECT_EQ(told->result, Backups::Result::good) << told->message;
   }
   EXPECT_THAT(names(), ElementsAre("lampglow-20261123.db", "lampglow-20261124.db"));
   EXPECT_EQ(storage::check(copies / "lampglow-20261124.db", true), "ok");
@@ -92,8 +93,8 @@ TEST_F(BackupsTest, OneThatIsBrokenOffEndsAtOnceAndLeavesNothing) {
   };
   const double whole_s = seconds([&] { storage::backup(file, folder.path() / "whole.db"); });
   bool told = false;
-  Backups backups(file, copies, 2, 3, [&](bool, const std::string&) { told = true; });
   for (const double part : {0.0, 0.3, 0.7}) {  // in the copy and in its check
+    Backups backups(file, copies, 2, 3, [&](Backups::Result, const std::string&) { told = true; });
     backups.tick(at("2026-11-22T03:00:00Z") + std::chrono::hours(24 * static_cast<int>(10 * part)));
     std::this_thread::sleep_for(std::chrono::duration<double>(part * whole_s));
     EXPECT_LT(seconds([&] { backups.stop(); }), 0.2 * whole_s + 0.1) << "of " << whole_s << " s";
@@ -102,14 +103,29 @@ TEST_F(BackupsTest, OneThatIsBrokenOffEndsAtOnceAndLeavesNothing) {
   }
 }
 
-TEST_F(BackupsTest, WhatCannotBeMadeIsTold) {
+TEST_F(BackupsTest, ADamagedDatabaseIsToldAsThat) {
   std::filesystem::resize_file(file, 5000);  // within its second page
   const auto told = at_time("2026-11-22T03:00:00Z");
   ASSERT_TRUE(told);
-  EXPECT_FALSE(told->good);
+  EXPECT_EQ(told->result, Backups::Result::damaged) << told->message;
+  EXPECT_THAT(names(), testing::IsEmpty());
+}
+
+TEST_F(BackupsTest, WhatCannotBeMadeIsToldAndTheDatabaseIsNotBlamed) {
+  std::ofstream(folder.path() / "backups") << "a file where the folder should be";
+  const auto told = at_time("2026-11-22T03:00:00Z");
+  ASSERT_TRUE(told);
+  EXPECT_EQ(told->result, Backups::Result::failed);
   EXPECT_THAT(told->message, HasSubstr("the backup failed"));
-  for (const std::string& name : names())
-    EXPECT_THAT(name, HasSubstr(".part")) << "a bad copy has a good one's name";
+}
+
+TEST_F(BackupsTest, WhatAPowerCutLeftGoesWithTheNextBackup) {
+  std::filesystem::create_directory(copies);
+  std::ofstream(copies / "lampglow-20261121.db.part") << "half a copy";
+  std::ofstream(copies / "lampglow-20261121.db.part-journal") << "of it";
+  std::ofstream(copies / "note.txt") << "not ours";
+  ASSERT_TRUE(at_time("2026-11-22T03:00:00Z"));
+  EXPECT_THAT(names(), ElementsAre("lampglow-20261122.db", "note.txt"));
 }
 
 }  // namespace

@@ -117,6 +117,12 @@ TEST(StationConfig, SaysWhatOnlyARestartChanges) {
               testing::IsEmpty());
   EXPECT_THAT(needs_restart(running, parse(kSite + kSource + "[http]\nport = 1\n[station]\nworkers = 7\n")),
               testing::ElementsAre("station.workers", "http.port"));
+  const std::string with_tls = "[http]\ntls_certificate = \"a\"\ntls_key = \"b\"\n";
+  EXPECT_THAT(needs_restart(running, parse(kSite + kSource + with_tls)),
+              testing::ElementsAre("http.tls_certificate"));
+  EXPECT_THAT(needs_restart(parse(kSite + kSource + with_tls),
+                            parse(kSite + kSource + "[http]\ntls_certificate = \"c\"\ntls_key = \"d\"\n")),
+              testing::IsEmpty());
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ class KeeperTest : public testing::Test {
     auto made = std::make_unique<Keeper>(
         file, storage::Retention{}, std::chrono::minutes(10),
         KeeperCallbacks{[this](const storage::Event& event) { events.push_back(event); },
-                        [this](const std::string& text) { fault = text; }});
+                        [this](const std::string& text) { fault = text; }, [](std::chrono::seconds) {}});
     made->add_camera("quay", harbour());
     return made;
   }
@@ -112,10 +112,48 @@ TEST_F(KeeperTest, ADeletedDatabaseIsMadeAnewWhileRunning) {
   fill(*k, 2, 5);
   EXPECT_EQ(stored(), 3);
   ASSERT_FALSE(events.empty());
-  EXPECT_THAT(events.front().message, HasSubstr("removed or replaced"));
+  EXPECT_THAT(events.front().message, HasSubstr("was removed"));
 }
 
 // A file size limit is what a full disk looks like to SQLite: the write fails, and later it does not.
+TEST_F(KeeperTest, ABackupPutBackWhileRunningIsGoneOnWithAndTheOldWalDoesNotSpoilIt) {
+  {
+    auto k = keeper();
+    fill(*k, 0, 30);
+    k->close();
+  }
+  const auto backup = folder.path() / "backup.db";
+  ASSERT_TRUE(storage::backup(file, backup));
+  auto k = keeper();
+  fill(*k, 30, 60);  // these are in the WAL
+  std::filesystem::rename(backup, file);
+  k->tick(start, Clock::now() + std::chrono::hours(1));
+  fill(*k, 60, 70);
+  EXPECT_EQ(stored(), 40);
+  k->close();
+  EXPECT_EQ(storage::check(file, true), "ok");
+  EXPECT_TRUE(set_aside().empty());
+  EXPECT_THAT(events.back().message, HasSubstr("was replaced; the station goes on with the one"));
+}
+
+TEST_F(KeeperTest, AClockThatIsAYearAheadDropsNextToNothing) {
+  {
+    auto before = keeper();
+    fill(*before, 0, 3 * 24 * 60);
+    before->close();
+  }
+  auto k = keeper();
+  const auto now = Clock::now();
+  const TimePoint wrong = start + std::chrono::hours(24 * 500);
+  k->tick(wrong, now);
+  for (int minute = 0; minute < 60; minute += 6) k->tick(wrong, now + std::chrono::minutes(minute));
+  EXPECT_EQ(stored(), 3 * 24 * 60);
+  EXPECT_THAT(events.back().message, HasSubstr("the clock is 496 days ahead of the newest stored frame"));
+  // If it was right, the station was off for so long, it is followed in the end.
+  for (int hour = 1; hour < 600; ++hour) k->tick(wrong, now + std::chrono::hours(hour));
+  EXPECT_EQ(stored(), 0);
+}
+
 TEST_F(KeeperTest, AFullDiskMakesObservationsWaitAndNoneIsLost) {
   auto k = keeper();
   fill(*k, 0, 5);
@@ -169,6 +207,31 @@ TEST_F(KeeperTest, PicturesStayWithinTheirSpaceAndTheOldestGo) {
   for (const auto& entry : std::filesystem::directory_iterator(folder.path() / "pictures" / "quay"))
     files += entry.is_regular_file();
   EXPECT_EQ(files, 2);
+}
+
+TEST_F(KeeperTest, OnsetsOfFogOutlastHourlyPicturesUpToHalfOfTheSpace) {
+  auto k = keeper();
+  PictureOptions options;
+  options.max_bytes = 6000;
+  PictureKeeper pictures(folder.path() / "pictures", options);
+  const auto kept = [&] {
+    std::vector<std::string> out;
+    for (const auto& picture :
+         storage::Reader(file).pictures({}, TimePoint{}, at("2100-01-01T00:00:00Z"), 100))
+      out.push_back(
+          std::to_string(std::chrono::duration_cast<std::chrono::hours>(picture.time_utc - start).count()) +
+          " " + std::string(to_string(picture.kept_for)));
+    return out;
+  };
+  const auto offer = [&](int hour, bool fog_began) {
+    pictures.offer("quay", start + std::chrono::hours(hour), fog_began, std::string(1000, 'x'), *k);
+  };
+  for (int hour = 0; hour < 20; ++hour) offer(hour, hour == 2 || hour == 5);
+  EXPECT_THAT(kept(), testing::ElementsAre("2 fog_onset", "5 fog_onset", "16 hourly", "17 hourly",
+                                           "18 hourly", "19 hourly"));
+  for (int hour = 20; hour < 28; ++hour) offer(hour, true);
+  EXPECT_THAT(kept(), testing::ElementsAre("17 hourly", "18 hourly", "19 hourly", "25 fog_onset",
+                                           "26 fog_onset", "27 fog_onset"));
 }
 
 TEST_F(KeeperTest, EveryOnsetOfFogIsKeptAndOneAnHour) {
@@ -229,6 +292,7 @@ TEST_F(KeeperTest, PicturesOfADatabaseThatIsGoneCountAndGoFirst) {
   }
   for (const char* suffix : {"", "-wal", "-shm"}) std::filesystem::remove(file.string() + suffix);
   std::ofstream(folder_of_quay / "note.txt") << "not ours";
+  std::ofstream(folder_of_quay / "1795305600000.jpg.aB3dE9") << "half a picture of a process that was killed";
   auto k = keeper();
   PictureKeeper pictures(folder.path() / "pictures", options);
   pictures.load({});
@@ -241,6 +305,27 @@ TEST_F(KeeperTest, PicturesOfADatabaseThatIsGoneCountAndGoFirst) {
   EXPECT_TRUE(std::filesystem::exists(file_at(1)));
   EXPECT_TRUE(std::filesystem::exists(file_at(2)));
   EXPECT_TRUE(std::filesystem::exists(folder_of_quay / "note.txt"));
+  EXPECT_FALSE(std::filesystem::exists(folder_of_quay / "1795305600000.jpg.aB3dE9"));
+}
+
+TEST_F(KeeperTest, APictureFolderWithClosedPartsIsNoReasonToFail) {
+  const auto closed = folder.path() / "pictures" / "lost+found";
+  std::filesystem::create_directories(closed);
+  const pid_t child = fork();
+  if (child == 0) {  // root may look everywhere
+    std::filesystem::permissions(folder.path(), std::filesystem::perms::all);
+    std::filesystem::permissions(closed, std::filesystem::perms::none);
+    if (geteuid() == 0 && setuid(65534) != 0) _exit(2);
+    try {
+      PictureKeeper(folder.path() / "pictures", {}).load({});
+    } catch (const std::exception&) {
+      _exit(1);
+    }
+    _exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
 TEST(FogWatch, BeginsBelow1000AndEndsAbove1200) {

@@ -220,6 +220,22 @@ TEST_F(CameraLoopTest, ClockStepIsToldAndUnsynchronisedIsFlagged) {
   EXPECT_FALSE(log.slots().front().bracket.quality.has(Quality::clock_unsynchronised));
 }
 
+// A computer without a clock of its own: it is started in the night with the time of noon, and NTP tells later.
+TEST_F(CameraLoopTest, AClockThatIsPutRightWhileTheNightIsWaitedForEndsTheWait) {
+  Log log;
+  CameraLoopOptions options;
+  options.schedule.part = DayPart::night;
+  options.place = Place{52.1, 5.2};
+  const auto camera = loop(log, options);
+  clock_.step(parse_time_utc("2026-11-22T12:00:00Z").value() - clock_.utc());
+  camera->start();
+  std::this_thread::sleep_for(1500ms);
+  EXPECT_TRUE(log.slots().empty());
+  clock_.step(8h);
+  EXPECT_TRUE(eventually(15s, [&] { return log.good() >= 1; })) << "it still waits for the evening";
+  EXPECT_TRUE(log.saw(Fault::clock_stepped));
+}
+
 TEST_F(CameraLoopTest, OneThatFailsNeverDelaysAnother) {
   Log good_log, bad_log;
   BadNetwork bad_network(server_->port());

@@ -22,6 +22,7 @@ using test::ProgramRun;
 using test::read_all;
 using test::run_program;
 using ::testing::HasSubstr;
+using ::testing::Not;
 namespace json = boost::json;
 
 constexpr int kFrames = 5;
@@ -234,6 +235,27 @@ TEST_F(Station, TlsByOptionForThoseWhoTrustItsCertificateAndSpeakAVersionThatHol
   EXPECT_THAT(ask_securely(port_, "/healthz", certificate, TlsVersions::up_to_1_1).failure,
               HasSubstr("SSL connect error"));
   EXPECT_EQ(ask(port_, "/healthz").status, 0) << "plain HTTP got an answer";
+
+  // A renewed certificate, written over the old one as certbot and its like do, is taken over by a reload.
+  const auto install = [&](const char* name) {
+    for (const char* end : {".pem", ".key"})
+      fs::copy_file(folder_ / (std::string(name) + end), folder_ / (std::string("server") + end),
+                    fs::copy_options::overwrite_existing);
+    station.signal(SIGHUP);
+  };
+  write_certificate(folder_ / "renewed.pem", folder_ / "renewed.key", -1, 90);
+  install("renewed");
+  EXPECT_TRUE(eventually(10s, [&] {
+    return ask_securely(port_, "/healthz", folder_ / "renewed.pem").status == 200;
+  })) << station.log();
+  EXPECT_THAT(station.log(), Not(HasSubstr("only a restart takes it over")));
+  // Half a renewal (no key of this certificate) is refused, and the last good one goes on.
+  fs::remove(folder_ / "renewed.key");
+  fs::copy_file(folder_ / "stranger.key", folder_ / "renewed.key");
+  install("renewed");
+  EXPECT_TRUE(eventually(10s, [&] { return station.log().find("server.key") != std::string::npos; }))
+      << station.log();
+  EXPECT_EQ(ask_securely(port_, "/healthz", folder_ / "renewed.pem").status, 200);
   end_well(station);
 
   // A key that is not the certificate's is told with its file's name, and nothing is served.
