@@ -285,7 +285,10 @@ std::vector<PictureRecord> Reader::pictures(const std::optional<std::string>& ca
   return guarded(impl_->file, [&] {
     const auto lease = impl_->ask(
         "SELECT name, time_ms, kept_for, size_bytes FROM picture JOIN camera ON camera.id = camera_id "
-        "WHERE (?1 IS NULL OR name = ?1) AND time_ms >= ?2 AND time_ms < ?3 ORDER BY time_ms LIMIT ?4",
+        "WHERE (?1 IS NULL OR name = ?1) AND time_ms >= ?2 AND time_ms < ?3 AND time_ms <= "
+        "coalesce((SELECT time_ms FROM picture JOIN camera ON camera.id = camera_id "
+        "WHERE (?1 IS NULL OR name = ?1) AND time_ms >= ?2 AND time_ms < ?3 ORDER BY time_ms LIMIT 1 "
+        "OFFSET ?4 - 1), ?3) ORDER BY time_ms, camera_id",
         camera, to_ms(from), to_ms(to), limit);
     std::vector<PictureRecord> out;
     while (lease.statement.executeStep()) {

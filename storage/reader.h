@@ -59,6 +59,7 @@ class Reader {
   // The last `limit` events, ascending.
   std::vector<Event> last_events(int limit);
 
+  // Ascending; `limit` of them, and those of the last one's time from other cameras, too.
   std::vector<PictureRecord> pictures(const std::optional<std::string>& camera, TimePoint from, TimePoint to,
                                       int limit);
   std::int64_t picture_bytes();  // of all kept pictures

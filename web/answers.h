@@ -20,6 +20,7 @@ struct Call {
   LiveState& live;
   storage::Reader* reader;  // for routes of kind database, null without a database
   const ApiOptions& options;
+  bool trusted;  // everything is open, or a token was shown
 };
 
 Response current(const Call& call);

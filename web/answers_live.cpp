@@ -74,7 +74,7 @@ Response latest_frame(const Call& call) {
   Response response;
   response.content_type = "image/jpeg";
   response.headers.emplace_back("Cache-Control", "private, no-cache");
-  response.headers.emplace_back("Last-Modified-UTC", format_time_utc(picture->time_utc));
+  response.headers.emplace_back("Last-Modified", http_date(picture->time_utc));
   response.shared_body = bytes;
   return with_etag(std::move(response), call.request,
                    "\"" + percent_encode(camera.name) + "/" + format_time_utc(picture->time_utc) +
@@ -90,10 +90,12 @@ Response stream_head(const Call&) {
 }
 
 Response healthz(const Call& call) {
+  const std::vector<std::string> found = call.live.faults();
   json::array faults;
-  for (const std::string& fault : call.live.faults()) faults.emplace_back(fault);
+  if (call.trusted)  // the words name cameras
+    for (const std::string& fault : found) faults.emplace_back(fault);
   return json_answer(
-      json_text(json::object{{"status", faults.empty() ? "ok" : "degraded"}, {"faults", faults}}));
+      json_text(json::object{{"status", found.empty() ? "ok" : "degraded"}, {"faults", faults}}));
 }
 
 Response readyz(const Call& call) {

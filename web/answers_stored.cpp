@@ -1,6 +1,8 @@
 // Answers from the database.
+#include <algorithm>
 #include <array>
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include "storage/means.h"
@@ -67,19 +69,24 @@ storage::ObservationQuery query_of(const Call& call, const CameraRecord& camera)
   return query;
 }
 
-// The same request for the next page.
-std::string next_page(const Call& call, const storage::ObservationQuery& query, TimePoint last) {
+// The same path with these parameters.
+std::string same_with(const Call& call, const std::map<std::string, std::string>& parameters) {
   std::string out = call.target.path;
   char separator = '?';
-  auto parameters = call.target.query;
-  parameters["from"] = format_time_utc(query.from);
-  parameters["to"] = format_time_utc(query.to);
-  parameters["cursor"] = std::to_string(last.time_since_epoch().count());
   for (const auto& [key, value] : parameters) {
     out += separator + percent_encode(key) + "=" + percent_encode(value);
     separator = '&';
   }
   return out;
+}
+
+// The same request for the next page.
+std::string next_page(const Call& call, const storage::ObservationQuery& query, TimePoint last) {
+  auto parameters = call.target.query;
+  parameters["from"] = format_time_utc(query.from);
+  parameters["to"] = format_time_utc(query.to);
+  parameters["cursor"] = std::to_string(last.time_since_epoch().count());
+  return same_with(call, parameters);
 }
 
 std::string json_rows(const CameraRecord& camera, const std::vector<ObservationRow>& rows,
@@ -146,25 +153,33 @@ Response observations(const Call& call) {
   return with_etag(std::move(response), call.request, etag);
 }
 
-// The catalogue from memory; what the last frame says of each lamp, or the database after a restart.
+// The catalogue from memory. A lamp's state is what the current frame says; where that is stale or has no
+// lamps, it is unknown, and the last fit says what it is of.
 Response lights(const Call& call) {
   const CameraRecord camera = camera_of(call);
+  const auto stored = call.reader ? call.reader->camera(camera.name) : std::nullopt;
   std::vector<LampFit> fits;
   std::optional<TimePoint> time;
   if (const auto latest = call.live.latest_result(camera.name); latest && !latest->lamps.empty()) {
     fits = latest->lamps;
     time = latest->observation.time_utc;
-  } else if (call.reader) {
-    if (const auto stored = call.reader->camera(camera.name))
-      for (const storage::LampFitRow& row : call.reader->fits(stored->number)) {
-        fits.push_back(row.fit);
-        time = row.time_utc;
-      }
+  } else if (stored) {
+    for (const storage::LampFitRow& row : call.reader->fits(stored->number)) {
+      fits.push_back(row.fit);
+      time = row.time_utc;
+    }
   }
+  const auto latest = call.live.latest_result(camera.name);
+  const bool current = call.live.is_fresh(camera.name) && latest && time == latest->observation.time_utc;
+  std::map<std::string, TimePoint> since;
+  if (stored)
+    for (const storage::LampRecord& lamp : call.reader->lamps(stored->number))
+      if (lamp.reference_since) since[lamp.id] = *lamp.reference_since;
   std::string body = "{\"lights\":[";
-  for (const storage::LampRecord& lamp : call.live.lamps(camera.name)) {
+  for (storage::LampRecord lamp : call.live.lamps(camera.name)) {
+    if (const auto found = since.find(lamp.id); found != since.end()) lamp.reference_since = found->second;
     if (body.back() != '[') body += ',';
-    body += light_json(lamp, fit_of(fits, lamp.id), time);
+    body += light_json(lamp, fit_of(fits, lamp.id), time, current);
   }
   return json_answer(body + "]}");
 }
@@ -184,18 +199,28 @@ Response light_profile(const Call& call) {
   throw NotFound("no ring profile of light " + lamp + " is kept" + (time ? " for that time" : ""));
 }
 
+// A page ends between two times, so that the next one begins where it ended: several cameras may have kept a
+// picture at the same time.
 Response stored_frames(const Call& call) {
   const std::string name = call.query.text("camera");
   const TimePoint to = call.query.time("to").value_or(call.live.now() + std::chrono::hours(1));
   const TimePoint from = call.query.time("from").value_or(to - std::chrono::hours(24 * 7));
   const int limit = static_cast<int>(call.query.integer("limit", 1, kMostRows).value_or(kDefaultRows));
+  const std::vector<storage::PictureRecord> pictures =
+      reader_of(call).pictures(name.empty() ? std::nullopt : std::optional(name), from, to, limit);
   std::string body = "{\"frames\":[";
-  for (const storage::PictureRecord& picture :
-       reader_of(call).pictures(name.empty() ? std::nullopt : std::optional(name), from, to, limit)) {
+  for (const storage::PictureRecord& picture : pictures) {
     if (body.back() != '[') body += ',';
     body += picture_json(picture);
   }
-  return json_answer(body + "]}");
+  std::string next = "null";
+  if (std::ssize(pictures) >= limit) {
+    auto parameters = call.target.query;
+    parameters["from"] = format_time_utc(pictures.back().time_utc + std::chrono::milliseconds(1));
+    parameters["to"] = format_time_utc(to);
+    next = json_string(same_with(call, parameters));
+  }
+  return json_answer(body + "],\"next\":" + next + "}");
 }
 
 Response stored_frame(const Call& call) {
@@ -233,19 +258,27 @@ Response events(const Call& call) {
   return json_answer(body + "]}");
 }
 
+// Messages do not come in the order of their times: a camera's frame may be told some minutes after
+// another's.
 std::string missed_messages(const LiveState& live, storage::Reader& reader, const StreamPosition& position,
                             int limit) {
+  constexpr std::chrono::minutes kOverlap{10};
+  constexpr std::chrono::hours kLongest{24};
+  const TimePoint from = std::max(position.time_utc - kOverlap, live.now() - kLongest);
   std::string out;
   for (const CameraRecord& known : live.cameras()) {
     const auto camera = reader.camera(known.name);
     if (!camera) continue;
-    const storage::ObservationQuery query{camera->number,
-                                          position.time_utc + std::chrono::milliseconds(1),
-                                          live.now() + std::chrono::hours(1),
-                                          0,
-                                          {},
-                                          limit};
-    for (const ObservationRow& row : reader.observations(query))
+    storage::ObservationQuery query{camera->number, from, live.now() + std::chrono::hours(1), 0, {}, limit};
+    std::vector<ObservationRow> newest, page;
+    do {  // the newest that fit
+      page = reader.observations(query);
+      if (page.empty()) break;
+      query.after = page.back().observation.time_utc;
+      newest.insert(newest.end(), page.begin(), page.end());
+      if (std::ssize(newest) > limit) newest.erase(newest.begin(), newest.end() - limit);
+    } while (std::ssize(page) == limit);
+    for (const ObservationRow& row : newest)
       out += "event: observation\ndata: " + observation_feature(*camera, row) + "\n\n";
   }
   return out;

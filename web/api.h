@@ -61,7 +61,7 @@ class Api {
   void set_access(Access access);
 
  private:
-  bool allowed(const Route& route, const Request& request) const;
+  std::shared_ptr<const Access> access() const;
   Response route(const Request& request, storage::Reader* reader) const;
 
   LiveState& live_;
@@ -70,8 +70,9 @@ class Api {
   std::shared_ptr<const Access> access_;  // answered by several threads
 };
 
-// Messages for a client that was away for longer than the memory reaches: the observations since, from the
-// database, oldest first, at most `limit` for each camera. They carry no id.
+// Messages for a client that was away for longer than the memory reaches: the observations since (and some
+// minutes before, which it may have: it knows them by camera and time), from the database, oldest first, the
+// newest `limit` of each camera within a day. They carry no id.
 std::string missed_messages(const LiveState& live, storage::Reader& reader, const StreamPosition& position,
                             int limit);
 

@@ -1,5 +1,7 @@
 #include "web/http.h"
 
+#include <fmt/chrono.h>
+
 #include <boost/json.hpp>
 
 namespace lampglow::web {
@@ -47,6 +49,10 @@ Response problem(int status, const std::string& detail) {
   response.body = boost::json::serialize(boost::json::object{
       {"type", "about:blank"}, {"title", status_title(status)}, {"status", status}, {"detail", detail}});
   return response;
+}
+
+std::string http_date(TimePoint time_utc) {
+  return fmt::format("{:%a, %d %b %Y %H:%M:%S GMT}", std::chrono::floor<std::chrono::seconds>(time_utc));
 }
 
 }  // namespace lampglow::web

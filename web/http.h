@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "estimator/time.h"
+
 namespace lampglow::web {
 
 struct Request {
@@ -34,5 +36,8 @@ struct Response {
 Response problem(int status, const std::string& detail);
 
 std::string_view status_title(int status);
+
+// "Sun, 22 Nov 2026 01:00:00 GMT" (RFC 9110, 5.6.7).
+std::string http_date(TimePoint time_utc);
 
 }  // namespace lampglow::web

@@ -34,7 +34,8 @@ bool failed(const FrameResult& result) {
 }  // namespace
 
 struct LiveState::Impl {
-  explicit Impl(LiveOptions given) : options(std::move(given)), messages(options.stream_messages) {
+  explicit Impl(LiveOptions given)
+      : options(std::move(given)), messages(options.stream_messages, options.stale_after) {
     if (!options.now)
       options.now = [] {
         return std::chrono::time_point_cast<std::chrono::milliseconds>(std::chrono::system_clock::now());
@@ -48,12 +49,17 @@ struct LiveState::Impl {
     return nullptr;
   }
 
+  static ObservationRow row_of(const FrameResult& result) {
+    ObservationRow row;
+    row.observation = result.observation;
+    row.reason = result.reason;
+    row.values = failed(result) ? 0 : 1;
+    return row;
+  }
+
   void render(CameraState& camera) {
     if (!camera.latest) return;
-    ObservationRow row;
-    row.observation = camera.latest->observation;
-    row.reason = camera.latest->reason;
-    row.values = failed(*camera.latest) ? 0 : 1;
+    const ObservationRow row = row_of(*camera.latest);
     const ObservationRow minute = camera.hour.running_mean(60), ten = camera.hour.running_mean(600);
     CurrentParts parts{
         &camera.record, &row, &minute, &ten, camera.hour.trend(), camera.health, options.stale_after.count()};
@@ -128,9 +134,8 @@ void LiveState::publish(const std::string& name, const FrameResult& result,
     camera->counters.count(!failed(result), duration_s);
     const bool current = impl_->take(*camera, result);
     if (current) {
-      const double age = impl_->age_s(*camera);
-      impl_->messages.add("observation", result.observation.time_utc,
-                          camera->fresh.head + std::to_string(static_cast<int>(age)) + camera->fresh.tail);
+      impl_->messages.add_observation(result.observation.time_utc, camera->fresh,
+                                      observation_feature(camera->record, Impl::row_of(result)));
       notify = impl_->notify;
     }
   }
@@ -146,7 +151,7 @@ void LiveState::publish_event(const storage::Event& event) {
   std::function<void()> notify;
   {
     const std::lock_guard lock(impl_->mutex);
-    impl_->messages.add("event", event.time_utc, event_json(event));
+    impl_->messages.add_event(event.time_utc, event_json(event));
     notify = impl_->notify;
   }
   if (notify) notify();
@@ -204,10 +209,11 @@ std::optional<CurrentAnswer> LiveState::current(const std::string& name) const {
   answer.body += std::to_string(static_cast<std::int64_t>(age_s));
   answer.body += halves.tail;
   answer.etag = "W/\"" + camera->etag + (stale ? "/stale\"" : "\"");
-  // Until the camera's own next picture, where its schedule tells.
+  // Until the camera's own next picture, where its schedule tells; and never beyond what makes it stale.
   const auto next = camera->health.next_due_utc;
-  const double due_s = next ? std::chrono::duration<double>(*next - impl_->options.now()).count()
-                            : static_cast<double>(impl_->options.frame_interval.count()) - age_s;
+  double due_s = next ? std::chrono::duration<double>(*next - impl_->options.now()).count()
+                      : static_cast<double>(impl_->options.frame_interval.count()) - age_s;
+  if (!stale) due_s = std::min(due_s, static_cast<double>(impl_->options.stale_after.count()) - age_s);
   answer.max_age_s = static_cast<int>(std::clamp(std::ceil(due_s), 1.0, 3600.0));
   return answer;
 }
@@ -216,6 +222,12 @@ std::optional<FrameResult> LiveState::latest_result(const std::string& name) con
   const std::lock_guard lock(impl_->mutex);
   const CameraState* camera = impl_->find(name);
   return camera ? camera->latest : std::nullopt;
+}
+
+bool LiveState::is_fresh(const std::string& name) const {
+  const std::lock_guard lock(impl_->mutex);
+  const CameraState* camera = impl_->find(name);
+  return camera && camera->latest && !impl_->is_stale(*camera);
 }
 
 std::vector<storage::LampRecord> LiveState::lamps(const std::string& name) const {
@@ -262,10 +274,9 @@ std::uint64_t LiveState::last_sequence() const {
   return impl_->messages.last_sequence();
 }
 
-std::optional<std::vector<std::shared_ptr<const StreamMessage>>> LiveState::messages_after(
-    std::uint64_t after) const {
+std::optional<StreamText> LiveState::messages_after(std::uint64_t after) const {
   const std::lock_guard lock(impl_->mutex);
-  return impl_->messages.after(after);
+  return impl_->messages.after(after, impl_->options.now());
 }
 
 void LiveState::on_message(std::function<void()> callback) {

@@ -70,6 +70,8 @@ class LiveState {
   // Empty if the camera is unknown or nothing was published yet.
   std::optional<CurrentAnswer> current(const std::string& camera) const;
   std::optional<FrameResult> latest_result(const std::string& camera) const;
+  // Whether that says what the air is like now; false if there is none.
+  bool is_fresh(const std::string& camera) const;
   std::vector<storage::LampRecord> lamps(const std::string& camera) const;  // the site's catalogue
   std::optional<Picture> picture(const std::string& camera) const;
   std::optional<CameraHealth> health(const std::string& camera) const;
@@ -82,7 +84,7 @@ class LiveState {
   const std::string& run_id() const;
   std::uint64_t last_sequence() const;
   // Messages with sequence > after; empty optional if some of them are no longer kept.
-  std::optional<std::vector<std::shared_ptr<const StreamMessage>>> messages_after(std::uint64_t after) const;
+  std::optional<StreamText> messages_after(std::uint64_t after) const;
   // Called after every new message, on the publisher's thread; must be quick and must not call back.
   void on_message(std::function<void()> callback);
 

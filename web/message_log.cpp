@@ -1,5 +1,6 @@
 #include "web/message_log.h"
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 
@@ -31,24 +32,44 @@ std::optional<StreamPosition> parse_stream_id(std::string_view id) {
   return out;
 }
 
-MessageLog::MessageLog(int most) : most_(most), run_id_(new_run_id()) {}
+MessageLog::MessageLog(int most, std::chrono::seconds stale_after)
+    : most_(most), stale_after_(stale_after), run_id_(new_run_id()) {}
 
-void MessageLog::add(const std::string& type, TimePoint time_utc, const std::string& data) {
-  auto message = std::make_shared<StreamMessage>();
-  message->sequence = ++sequence_;
-  message->wire = "id: " + run_id_ + "-" + std::to_string(sequence_) + "-" +
-                  std::to_string(time_utc.time_since_epoch().count()) + "\nevent: " + type +
-                  "\ndata: " + data + "\n\n";
+void MessageLog::add(Message message) {
+  message.sequence = ++sequence_;
   kept_.push_back(std::move(message));
   while (std::ssize(kept_) > most_) kept_.pop_front();
 }
 
-std::optional<std::vector<std::shared_ptr<const StreamMessage>>> MessageLog::after(
-    std::uint64_t after) const {
-  const std::uint64_t first_kept = kept_.empty() ? sequence_ + 1 : kept_.front()->sequence;
+void MessageLog::add_event(TimePoint time_utc, const std::string& json) {
+  add({0, "event", time_utc, {}, json});
+}
+
+void MessageLog::add_observation(TimePoint time_utc, FeatureHalves current, std::string past) {
+  add({0, "observation", time_utc, std::move(current), std::move(past)});
+}
+
+void MessageLog::append(std::string& text, const Message& message, TimePoint now) const {
+  text += "id: " + run_id_ + "-" + std::to_string(message.sequence) + "-" +
+          std::to_string(message.time_utc.time_since_epoch().count()) + "\nevent: ";
+  (text += message.type) += "\ndata: ";
+  const auto age = now - message.time_utc;
+  if (!message.current.head.empty() && std::chrono::abs(age) <= stale_after_) {
+    const auto age_s = std::max<std::int64_t>(0, std::chrono::floor<std::chrono::seconds>(age).count());
+    ((text += message.current.head) += std::to_string(age_s)) += message.current.tail;
+  } else {
+    text += message.data;
+  }
+  text += "\n\n";
+}
+
+std::optional<StreamText> MessageLog::after(std::uint64_t after, TimePoint now) const {
+  const std::uint64_t first_kept = kept_.empty() ? sequence_ + 1 : kept_.front().sequence;
   if (after > sequence_ || after + 1 < first_kept) return std::nullopt;
-  const auto missed = static_cast<std::ptrdiff_t>(after + 1 - first_kept);
-  return std::vector(kept_.begin() + missed, kept_.end());
+  StreamText out{"", sequence_};
+  for (auto i = static_cast<std::size_t>(after + 1 - first_kept); i < kept_.size(); ++i)
+    append(out.text, kept_[i], now);
+  return out;
 }
 
 }  // namespace lampglow::web

@@ -1,6 +1,7 @@
 #include "web/query.h"
 
 #include <algorithm>
+#include <boost/json.hpp>
 #include <boost/url.hpp>
 #include <charconv>
 
@@ -15,10 +16,20 @@ std::string quoted_list(std::span<const std::string_view> words) {
   return out.empty() ? "none" : out;
 }
 
+// Whether it can stand in an answer.
+bool is_utf8(const std::string& text) {
+  boost::system::error_code error;
+  boost::json::parse(boost::json::serialize(boost::json::string(text)), error);
+  return !error;
+}
+
 std::string clean(std::string text, const char* what) {
   const auto bad = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; };
   if (std::any_of(text.begin(), text.end(), bad))
     throw BadRequest(std::string(what) + " holds a control character");
+  const auto beyond_ascii = [](char c) { return static_cast<unsigned char>(c) > 0x7f; };
+  if (std::any_of(text.begin(), text.end(), beyond_ascii) && !is_utf8(text))
+    throw BadRequest(std::string(what) + " is not UTF-8");
   return text;
 }
 

@@ -1,6 +1,8 @@
 #include "web/server.h"
 
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <boost/asio.hpp>
 #include <boost/asio/ssl.hpp>
 #include <boost/beast/core.hpp>
@@ -9,6 +11,8 @@
 #include <set>
 #include <stdexcept>
 #include <thread>
+#include <type_traits>
+#include <utility>
 
 #include "web/reader_pool.h"
 #include "web/wire.h"
@@ -25,6 +29,7 @@ using boost::system::error_code;
 constexpr auto kNoThrow = asio::as_tuple(asio::use_awaitable);
 constexpr int kMissedObservations = 2000;
 constexpr size_t kPiece_bytes = 65536;
+constexpr size_t kSlowest_bytes_per_s = 16384;
 
 using PlainStream = beast::tcp_stream;
 using TlsStream = asio::ssl::stream<beast::tcp_stream>;  // through Beast's own ssl_stream answers over 64 KiB
@@ -45,6 +50,61 @@ std::shared_ptr<asio::ssl::context> tls_context(const TlsFiles& files) {
   return context;
 }
 
+// What all answers of the database that are on their way may hold together. Small ones are always let
+// through.
+class LargeAnswers {
+ public:
+  explicit LargeAnswers(size_t most_bytes) : most_bytes_(most_bytes) {}
+  bool take(size_t bytes) {
+    if (bytes <= kSmall_bytes) return true;
+    if (held_.fetch_add(bytes) + bytes <= most_bytes_) return true;
+    held_ -= bytes;
+    return false;
+  }
+  void give_back(size_t bytes) {
+    if (bytes > kSmall_bytes) held_ -= bytes;
+  }
+
+ private:
+  static constexpr size_t kSmall_bytes = 256 << 10;
+  const size_t most_bytes_;
+  std::atomic<size_t> held_{0};
+};
+
+// One answer's part of it.
+class Place {
+ public:
+  Place() = default;
+  Place(LargeAnswers& all, size_t bytes) : all_(all.take(bytes) ? &all : nullptr), bytes_(bytes) {}
+  Place(Place&& other) noexcept : all_(std::exchange(other.all_, nullptr)), bytes_(other.bytes_) {}
+  Place& operator=(Place&& other) noexcept {
+    std::swap(all_, other.all_);
+    std::swap(bytes_, other.bytes_);
+    return *this;
+  }
+  ~Place() {
+    if (all_) all_->give_back(bytes_);
+  }
+  bool given() const { return all_ != nullptr; }
+
+ private:
+  LargeAnswers* all_ = nullptr;
+  size_t bytes_ = 0;
+};
+
+struct Held {
+  Response response;
+  Place place;
+};
+
+// A host has a whole /64 of IPv6 addresses.
+asio::ip::address one_host(const asio::ip::address& address) {
+  if (!address.is_v6() || address.to_v6().is_v4_mapped()) return address;
+  auto bytes = address.to_v6().to_bytes();
+  std::fill(bytes.begin() + 8, bytes.end(), static_cast<unsigned char>(0));
+  return asio::ip::address_v6(bytes);
+}
+
 // Takes a piece off the front.
 std::string_view take_piece(std::string_view& body) {
   const std::string_view piece = body.substr(0, kPiece_bytes);
@@ -61,7 +121,8 @@ struct Server::Impl {
         api(state, api_options),
         tls(tls_context(given.tls)),
         acceptor(io),
-        readers(api_options.database.value_or("")) {
+        readers(api_options.database.value_or("")),
+        large_answers(given.max_large_answers_bytes) {
     listen();
     live.on_message([this] { asio::post(io, [this] { wake_streams(); }); });
   }
@@ -118,7 +179,9 @@ struct Server::Impl {
   asio::awaitable<void> refuse(Stream& stream, int status);
   template <typename Stream>
   asio::awaitable<void> follow(Stream& stream, const Request& request, const std::string& head);
-  asio::awaitable<Response> from_database(const Request& request);
+  template <typename Work>
+  asio::awaitable<std::invoke_result_t<Work>> on_database_thread(Work work);
+  Held read_database(const Request& request);
   asio::awaitable<std::string> first_messages(const Request& request, std::uint64_t& sequence);
 
   ServerOptions options;
@@ -128,6 +191,7 @@ struct Server::Impl {
   std::shared_ptr<asio::ssl::context> tls;  // null: plain HTTP; the io thread's
   tcp::acceptor acceptor;
   ReaderPool readers;
+  LargeAnswers large_answers;
   asio::thread_pool database_threads{2};
   std::thread thread;
   std::set<asio::steady_timer*> waiting_streams;
@@ -149,14 +213,14 @@ asio::awaitable<void> Server::Impl::accept_all() {
     error_code gone;
     const auto peer = socket.remote_endpoint(gone);
     if (gone || connections >= options.max_connections) continue;
-    if (by_address[peer.address()] >= options.max_connections_per_address) continue;
+    if (by_address[one_host(peer.address())] >= options.max_connections_per_address) continue;
     asio::co_spawn(io, connection(std::move(socket)), asio::detached);
   }
 }
 
 asio::awaitable<void> Server::Impl::connection(tcp::socket socket) {
   error_code error;
-  const auto address = socket.remote_endpoint(error).address();
+  const auto address = one_host(socket.remote_endpoint(error).address());
   ++connections;
   ++by_address[address];
   socket.set_option(tcp::no_delay(true), error);
@@ -198,6 +262,10 @@ asio::awaitable<void> Server::Impl::serve(Stream& stream) {
       break;
     }
     const auto request = parser.release();
+    if (request.version() == 11 && request.count(http::field::host) != 1) {  // RFC 9112, 3.2
+      co_await refuse(stream, 400);
+      break;
+    }
     if (!co_await answer(stream, request)) break;
   }
   error_code ignored;
@@ -213,18 +281,35 @@ asio::awaitable<void> Server::Impl::refuse(Stream& stream, int status) {
   co_await asio::async_write(stream, asio::buffer(text), kNoThrow);
 }
 
-asio::awaitable<Response> Server::Impl::from_database(const Request& request) {
-  // Runs on a database thread; what it gives comes back on the connection's.
-  co_return co_await asio::co_spawn(
-      database_threads,
-      [this, &request]() -> asio::awaitable<Response> {
-        try {
-          co_return readers.use([&](storage::Reader& reader) { return api.answer(request, &reader); });
-        } catch (const storage::StorageError&) {
-        }
-        co_return problem(503, "the database cannot be read at the moment");
+// Runs `work` on a database thread; the connection goes on with what it gave as soon as it is there.
+// (co_spawn on the pool would put a finished coroutine behind all that waits there.)
+template <typename Work>
+asio::awaitable<std::invoke_result_t<Work>> Server::Impl::on_database_thread(Work work) {
+  using Result = std::invoke_result_t<Work>;
+  return asio::async_initiate<const asio::use_awaitable_t<>, void(Result)>(
+      [this](auto handler, Work wanted) {
+        asio::post(database_threads,
+                   [this, handler = std::move(handler), wanted = std::move(wanted)]() mutable {
+                     asio::post(io, [handler = std::move(handler), result = wanted()]() mutable {
+                       handler(std::move(result));
+                     });
+                   });
       },
-      asio::use_awaitable);
+      asio::use_awaitable, std::move(work));
+}
+
+// On a database thread. A large answer has its place in memory from here on until it is sent.
+Held Server::Impl::read_database(const Request& request) {
+  try {
+    Response response = readers.use([&](storage::Reader& reader) { return api.answer(request, &reader); });
+    Place place(large_answers, response.content().size());
+    if (place.given()) return {std::move(response), std::move(place)};
+    Response busy = problem(503, "too many large answers are being sent; ask for less, or later");
+    busy.headers.emplace_back("Retry-After", "10");
+    return {std::move(busy), {}};
+  } catch (const std::exception&) {  // StorageError, or out of memory
+    return {problem(503, "the database cannot be read at the moment"), {}};
+  }
 }
 
 // False: close the connection.
@@ -232,11 +317,12 @@ template <typename Stream>
 asio::awaitable<bool> Server::Impl::answer(Stream& stream, const WireRequest& wire) {
   const Request request = to_request(wire);
   const Route::Kind kind = api.kind(request);
-  Response response;
+  Held held;
   if (kind == Route::Kind::database)
-    response = co_await from_database(request);
+    held = co_await on_database_thread([this, &request] { return read_database(request); });
   else
-    response = api.answer(request, nullptr);
+    held.response = api.answer(request, nullptr);
+  const Response& response = held.response;
   live.count_request(response.status);
   const bool streaming = kind == Route::Kind::stream && response.status == 200;
   const bool keep_alive = wire.keep_alive() && !streaming;
@@ -251,16 +337,20 @@ asio::awaitable<bool> Server::Impl::answer(Stream& stream, const WireRequest& wi
   co_return co_await write_all(stream, head, body) && keep_alive;
 }
 
-// The time limit is for each piece: a slow connection gets a long answer, a dead one is closed. False: it is.
+// The time limit is for each piece and, by the slowest connection that is worth it, for the whole: a slow one
+// gets a long answer, a dead one is closed. False: it is.
 template <typename Stream>
 asio::awaitable<bool> Server::Impl::write_all(Stream& stream, std::string_view head, std::string_view body) {
+  using Clock = std::chrono::steady_clock;
   auto& lowest = beast::get_lowest_layer(stream);
+  const auto end =
+      Clock::now() + options.write_timeout + std::chrono::seconds(body.size() / kSlowest_bytes_per_s);
   const std::array<asio::const_buffer, 2> first{asio::buffer(head), asio::buffer(take_piece(body))};
   lowest.expires_after(options.write_timeout);
   auto [error, count] = co_await asio::async_write(stream, first, kNoThrow);
   while (!error && !body.empty()) {
     const asio::const_buffer piece = asio::buffer(take_piece(body));
-    lowest.expires_after(options.write_timeout);
+    lowest.expires_at(std::min(Clock::now() + options.write_timeout, end));
     std::tie(error, count) = co_await asio::async_write(stream, piece, kNoThrow);
   }
   co_return !error;
@@ -279,18 +369,15 @@ asio::awaitable<std::string> Server::Impl::first_messages(const Request& request
     co_return out;
   }
   if (!api.options().database) co_return out;
-  out += co_await asio::co_spawn(
-      database_threads,
-      [this, &position]() -> asio::awaitable<std::string> {
-        try {
-          co_return readers.use([&](storage::Reader& reader) {
-            return missed_messages(live, reader, *position, kMissedObservations);
-          });
-        } catch (const storage::StorageError&) {
-        }
-        co_return "";
-      },
-      asio::use_awaitable);
+  out += co_await on_database_thread([this, &position]() -> std::string {
+    try {
+      return readers.use([&](storage::Reader& reader) {
+        return missed_messages(live, reader, *position, kMissedObservations);
+      });
+    } catch (const std::exception&) {
+      return "";
+    }
+  });
   co_return out;
 }
 
@@ -305,20 +392,19 @@ asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& reques
   waiting_streams.insert(&timer);
   live.set_stream_clients(++streams);
   while (admitted == access_version) {
-    if (const auto news = live.messages_after(sequence))
-      for (const auto& message : *news) {
-        text += message->wire;
-        sequence = message->sequence;
-      }
-    else  // it fell behind what is kept
+    if (const auto news = live.messages_after(sequence)) {
+      text += news->text;
+      sequence = news->last_sequence;
+    } else {  // it fell behind what is kept
       sequence = live.last_sequence();
+    }
     if (!text.empty()) {
       beast::get_lowest_layer(stream).expires_after(options.write_timeout);
       const auto [error, count] = co_await asio::async_write(stream, asio::buffer(text), kNoThrow);
       if (error) break;
       text = {};
     }
-    if (live.last_sequence() != sequence) continue;
+    if (live.last_sequence() != sequence || admitted != access_version) continue;
     timer.expires_after(options.stream_heartbeat);
     const auto [woken] = co_await timer.async_wait(kNoThrow);
     if (!woken) text = ": still here\n\n";

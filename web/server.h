@@ -22,9 +22,10 @@ struct ServerOptions {
   unsigned short port = 8080;         // 0: any free one, see port()
   TlsFiles tls;
   int max_connections = 4096;
-  int max_connections_per_address = 256;
+  int max_connections_per_address = 256;  // IPv6: per /64
   int max_header_bytes = 8192;
-  int max_body_bytes = 1024;                // a GET needs none
+  int max_body_bytes = 1024;                       // a GET needs none
+  std::size_t max_large_answers_bytes = 64 << 20;  // of the database, over 256 KiB each, that are being sent
   std::chrono::seconds header_timeout{10};  // a whole request, from its first byte or the connection's start
   std::chrono::seconds keep_alive_timeout{60};  // between requests
   std::chrono::seconds write_timeout{20};       // 64 KiB of an answer, or one stream message

@@ -56,9 +56,10 @@ void append_observation_json(std::string& out, const storage::ObservationRow& ro
 std::string observation_csv_header();
 std::string observation_csv(const storage::CameraRecord& camera, const storage::ObservationRow& row);
 
-// A lamp of the catalogue with the last fit's result, if there is one; its ring profile by itself.
-std::string light_json(const storage::LampRecord& lamp, const LampFit* fit,
-                       std::optional<TimePoint> fit_time);
+// A lamp of the catalogue with the last fit's result, if there is one; its ring profile by itself. `current`:
+// the fit says what state the lamp is in now.
+std::string light_json(const storage::LampRecord& lamp, const LampFit* fit, std::optional<TimePoint> fit_time,
+                       bool current);
 std::string profile_json(const std::string& lamp, TimePoint time, const RingProfile& profile);
 std::string camera_json(const storage::CameraRecord& camera, const CameraHealth& health,
                         const std::optional<TimePoint>& last_observation_utc);

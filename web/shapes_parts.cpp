@@ -12,14 +12,14 @@ json::array numbers(const std::vector<double>& values) {
 
 }  // namespace
 
-std::string light_json(const storage::LampRecord& lamp, const LampFit* fit,
-                       std::optional<TimePoint> fit_time) {
+std::string light_json(const storage::LampRecord& lamp, const LampFit* fit, std::optional<TimePoint> fit_time,
+                       bool current) {
   json::object out{{"id", lamp.id},
                    {"x", lamp.x_px},
                    {"y", lamp.y_px},
                    {"distance", quantity("wmoUnit:m", lamp.distance_m, {}, {})},
                    {"referenceSince", time_or_null(lamp.reference_since)},
-                   {"state", fit ? to_string(fit->state) : to_string(LampState::unknown)},
+                   {"state", fit && current ? to_string(fit->state) : to_string(LampState::unknown)},
                    {"fit", nullptr}};
   if (fit)
     out["fit"] = json::object{{"timestamp", time_or_null(fit_time)},

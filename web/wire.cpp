@@ -1,6 +1,9 @@
 #include "web/wire.h"
 
 #include <boost/beast/core.hpp>
+#include <ctime>
+
+#include "web/http.h"
 
 namespace lampglow::web {
 
@@ -12,6 +15,17 @@ namespace {
 
 std::string field(const WireRequest& request, http::field name) {
   return std::string(request[name]);
+}
+
+// Made once a second.
+const std::string& http_date_now() {
+  static thread_local std::time_t second = 0;
+  static thread_local std::string text;
+  if (const std::time_t now = std::time(nullptr); now != second || text.empty()) {
+    second = now;
+    text = http_date(TimePoint{std::chrono::seconds{now}});
+  }
+  return text;
 }
 
 }  // namespace
@@ -45,6 +59,7 @@ std::string head_of(const Response& response, unsigned version, bool keep_alive,
   const auto reason = http::obsolete_reason(status);
   out.append(reason.data(), reason.size()) += "\r\n";
   line("Server", "lampglow");
+  line("Date", http_date_now());
   if (!response.content_type.empty()) line("Content-Type", response.content_type);
   for (const auto& [name, value] : response.headers) line(name, value);
   line("X-Content-Type-Options", "nosniff");

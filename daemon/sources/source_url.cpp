@@ -27,6 +27,7 @@ std::string redacted_url(std::string_view url) {
   const std::size_t begin = text.find("://");
   if (begin == std::string::npos) return std::string(url);  // a device, a file
   const std::size_t end = std::min(text.find('/', begin + 3), text.size());
+  if (end + 1 < text.size()) text = text.substr(0, end + 1) + "…";
   const std::size_t at = text.rfind('@', end);
   if (at != std::string::npos && at > begin) text.erase(begin + 3, at - begin - 2);
   return text;

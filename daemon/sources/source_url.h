@@ -10,7 +10,8 @@ namespace lampglow::daemon {
 // nothing.
 std::string url_problem(std::string_view url);
 
-// The URL without anything that may be secret: user, password and query.
+// The URL without anything that may be secret: user, password, query, and the path, in which some cameras
+// want their password: "rtsp://host:554/…".
 std::string redacted_url(std::string_view url);
 
 }  // namespace lampglow::daemon

@@ -35,6 +35,20 @@ std::chrono::seconds longest_check(const std::filesystem::path& file) {
   return std::chrono::seconds(120 + (none ? 0 : bytes >> 19));  // 0.5 MiB/s
 }
 
+class LongStep {
+ public:
+  LongStep(const std::function<void(std::chrono::seconds)>& tell, std::chrono::seconds at_most)
+      : tell_(tell) {
+    tell_(at_most);
+  }
+  ~LongStep() { tell_(std::chrono::seconds(0)); }
+  LongStep(const LongStep&) = delete;
+  LongStep& operator=(const LongStep&) = delete;
+
+ private:
+  const std::function<void(std::chrono::seconds)>& tell_;
+};
+
 // Empty if nothing is stored.
 std::optional<TimePoint> newest_frame(const std::filesystem::path& file) {
   storage::Reader reader(file);
@@ -100,7 +114,7 @@ void Keeper::open(TimePoint utc, const std::stop_token& stop) {
   try {
     std::error_code ignored;
     std::filesystem::create_directories(file_.parent_path(), ignored);
-    callbacks_.on_long_step(longest_check(file_));
+    const LongStep step(callbacks_.on_long_step, longest_check(file_));
     open_fresh_if_damaged(utc, stop);
     store_ = std::make_unique<Store>(file_, kLive, stop);
     struct stat now {};

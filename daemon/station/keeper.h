@@ -21,7 +21,7 @@ namespace lampglow::daemon {
 struct KeeperCallbacks {
   std::function<void(const storage::Event&)> on_event;     // it is stored, too
   std::function<void(const std::string& fault)> on_fault;  // the database can't be written; empty: it can
-  std::function<void(std::chrono::seconds)> on_long_step;  // what comes may take up to so long
+  std::function<void(std::chrono::seconds)> on_long_step;  // what comes may take up to so long; 0: over
 };
 
 class Keeper {

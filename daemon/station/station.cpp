@@ -167,8 +167,9 @@ Station::Impl::Impl(const StationConfig& given, const std::stop_token& stop)
 
 // A step of the writer that has reason to take long: the check of a large database.
 void Station::Impl::allow_long_step(seconds at_most) {
-  notify_long_step(at_most);
-  writer_may_take_until = (steady_clock::now() + at_most).time_since_epoch().count();
+  const bool over = at_most == seconds(0);
+  if (!over) notify_long_step(at_most);
+  writer_may_take_until = over ? 0 : (steady_clock::now() + at_most).time_since_epoch().count();
 }
 
 // From the backup's thread.
@@ -176,7 +177,7 @@ void Station::Impl::note_backup(Backups::Result result, const std::string& messa
   const bool good = result == Backups::Result::good;
   const bool damaged = result == Backups::Result::damaged;
   const std::string text = damaged ? "the backup failed: the database is damaged" : message;
-  live.set_fault("backup", good ? "" : text);
+  live.set_fault("backup", good ? "" : "failed; see the events");
   tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
         good ? Severity::info : Severity::error, "", text});
   if (damaged) writes.push([this, message] { keeper.set_aside_damaged(message); });
@@ -430,6 +431,7 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted, cons
   for (const auto& [name, fingerprint] : before)
     if (!wanted_names.contains(name)) {
       close_camera(name);
+      live.set_health(name, {false, "stopped", "no longer in the configuration", {}, {}});
       writes.push([this, gone = name] { teacher.forget(gone); });
       left.push_back("camera " + name + " is stopped, but stays in answers until a restart");
     }

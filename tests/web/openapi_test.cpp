@@ -198,6 +198,46 @@ TEST_F(OpenApiTest, PagesFollowEachOtherToTheEnd) {
   EXPECT_EQ(std::set<std::string>(times.begin(), times.end()).size(), 91u);
 }
 
+// Two cameras keep pictures at the same times: no page's end cuts such a pair.
+TEST_F(OpenApiTest, PagesOfPicturesNeitherSkipNorDouble) {
+  storage::Store store(directory / "x.db");
+  const auto pier = store.upsert_camera("pier", harbour()), quay = store.upsert_camera("quay", harbour());
+  for (int hour = 1; hour < 8; ++hour)
+    for (const auto& [number, name] : {std::pair(pier, "pier"), std::pair(quay, "quay")})
+      store.put_picture(
+          number, {name, at("2026-11-21T00:00:00Z") + std::chrono::hours(hour), storage::KeptFor::hourly, 4});
+  std::string target = "/v1/frames?from=2026-11-21T00:30:00Z&to=2026-11-21T12:00:00Z&limit=3";
+  std::vector<std::string> seen;
+  for (int page = 0; page < 20 && !target.empty(); ++page) {
+    const json::value body = checked("/v1/frames", target);
+    for (const json::value& frame : body.at("frames").as_array()) seen.push_back(json::serialize(frame));
+    target = body.at("next").is_null() ? "" : std::string(body.at("next").as_string());
+  }
+  EXPECT_EQ(seen.size(), 14u);
+  EXPECT_EQ(std::set<std::string>(seen.begin(), seen.end()).size(), 14u);
+}
+
+TEST_F(OpenApiTest, ALampsStateIsTheCurrentFramesAndElseUnknown) {
+  const json::value now = checked("/v1/lights", "/v1/lights").at("lights").at(0);
+  EXPECT_EQ(now.at("state"), "seen");
+  EXPECT_EQ(now.at("referenceSince"), "2026-11-22T00:00:00Z");
+  FrameResult failed;
+  failed.observation.time_utc = at("2026-11-22T01:00:35Z");
+  failed.reason = "connection_lost";
+  live.publish("quay", failed);
+  const json::value later = checked("/v1/lights", "/v1/lights").at("lights").at(0);
+  EXPECT_EQ(later.at("state"), "unknown");
+  EXPECT_FALSE(later.at("fit").is_null()) << "the last one, with its time";
+}
+
+TEST_F(OpenApiTest, WhoShowsNoTokenLearnsNoNamesFromHealthz) {
+  live.set_fault("camera quay", "connection_lost");
+  EXPECT_THAT(ask("/healthz").content(), testing::HasSubstr("camera quay"));
+  options.access = {Protect::everything, {token_hash("a token")}};
+  EXPECT_EQ(ask("/healthz").content(), "{\"status\":\"degraded\",\"faults\":[]}");
+  EXPECT_THAT(ask("/healthz", "", "Bearer a token").content(), testing::HasSubstr("camera quay"));
+}
+
 TEST_F(OpenApiTest, CsvHasTheColumnsOfReplayFirst) {
   const Response response = ask("/v1/observations?limit=1", "text/csv");
   EXPECT_EQ(response.content_type, "text/csv; charset=utf-8");

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <boost/json.hpp>
+#include <memory>
 #include <thread>
+#include <vector>
 
 #include "storage/store.h"
 #include "tests/storage/sample.h"
@@ -234,23 +236,124 @@ TEST_F(ServerTest, TheStreamSendsWhatComesAndResumes) {
   EXPECT_THAT(missed, Not(HasSubstr("quay/2026-11-22T01:00:30Z\"")));
 }
 
+// Also what another camera saw at the very time of the last message; some minutes overlap.
 TEST_F(ServerTest, AClientOfAnEarlierRunGetsWhatItMissedFromTheDatabase) {
   TemporaryDirectory directory;
   storage::Store store(directory / "x.db");
-  const auto camera = store.upsert_camera("quay", harbour());
-  for (const char* time : {"2026-11-22T00:58:30Z", "2026-11-22T00:59:30Z", "2026-11-22T01:00:30Z"})
-    store.put(camera, foggy(at(time)));
+  for (const char* name : {"quay", "pier"}) {
+    const auto camera = store.upsert_camera(name, harbour());
+    for (const char* time :
+         {"2026-11-22T00:40:30Z", "2026-11-22T00:58:30Z", "2026-11-22T00:59:30Z", "2026-11-22T01:00:30Z"})
+      store.put(camera, foggy(at(time)));
+  }
   store.commit();
   ApiOptions api;
   api.database = directory / "x.db";
   start({}, api);
+  live.set_camera("pier", harbour());
   Client client(server->port());
   client.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\nLast-Event-ID: 17-5-" +
               std::to_string(at("2026-11-22T00:58:30Z").time_since_epoch().count()) + "\r\n\r\n");
-  const std::string missed = client.read_until("quay/2026-11-22T01:00:30Z");
-  EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T00:59:30Z"));
-  EXPECT_THAT(missed, HasSubstr("quay/2026-11-22T01:00:30Z"));
-  EXPECT_THAT(missed, Not(HasSubstr("quay/2026-11-22T00:58:30Z")));
+  const std::string missed = client.read_until("pier/2026-11-22T01:00:30Z");
+  for (const char* row :
+       {"quay/2026-11-22T00:59:30Z", "quay/2026-11-22T01:00:30Z", "pier/2026-11-22T00:58:30Z",
+        "pier/2026-11-22T00:59:30Z", "pier/2026-11-22T01:00:30Z"})
+    EXPECT_THAT(missed, HasSubstr(row));
+  EXPECT_THAT(missed, Not(HasSubstr("2026-11-22T00:40:30Z")));
+  EXPECT_THAT(missed, Not(HasSubstr("ageSeconds")));
+}
+
+// Clients that ask for megabytes and do not read them hold no more than so much memory, and nobody up.
+TEST_F(ServerTest, LargeAnswersTogetherAreBounded) {
+  TemporaryDirectory directory;
+  storage::Store store(directory / "x.db");
+  const auto camera = store.upsert_camera("quay", harbour());
+  for (int i = 0; i < 6000; ++i)
+    store.put(camera, foggy(at("2026-11-17T00:00:00Z") + std::chrono::minutes(i)));
+  store.commit();
+  ApiOptions api;
+  api.database = directory / "x.db";
+  ServerOptions options;
+  options.max_large_answers_bytes = 20'000'000;
+  start(options, api);
+  const std::string large =
+      "GET "
+      "/v1/"
+      "observations?from=2026-11-17T00:00:00Z&to=2026-11-22T00:00:00Z&limit=6000&format=geojson "
+      "HTTP/1.1\r\nHost: t\r\n\r\n";
+  std::vector<std::unique_ptr<Client>> clients;
+  for (int i = 0; i < 8; ++i) {
+    clients.push_back(std::make_unique<Client>(server->port(), 4096));
+    clients.back()->send(large);
+  }
+  int sent = 0, refused = 0;
+  for (const auto& client : clients) {
+    const std::string head = client->read_until("\r\n\r\n");
+    sent += head.starts_with("HTTP/1.1 200");
+    refused += head.starts_with("HTTP/1.1 503") && head.find("Retry-After: 10") != std::string::npos;
+  }
+  EXPECT_GE(sent, 2);
+  EXPECT_GE(refused, 1);
+  EXPECT_EQ(sent + refused, 8);
+  EXPECT_EQ(ask("/v1/observations?limit=5").status, 200) << "a small one";
+  clients.clear();
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  Client after(server->port());
+  after.send(large);
+  EXPECT_THAT(after.read_until("\r\n\r\n"), HasSubstr("HTTP/1.1 200")) << "their place was not given back";
+}
+
+TEST_F(ServerTest, ARequestNamesOneHost) {
+  start();
+  for (const char* hosts : {"", "Host: a\r\nHost: b\r\n"}) {
+    Client client(server->port());
+    client.send(std::string("GET /healthz HTTP/1.1\r\n") + hosts + "\r\n");
+    EXPECT_THAT(client.read_all(), HasSubstr("HTTP/1.1 400")) << hosts;
+  }
+  Client old(server->port());
+  old.send("GET /healthz HTTP/1.0\r\n\r\n");
+  EXPECT_THAT(old.read_all(), HasSubstr("200 OK"));
+}
+
+TEST_F(ServerTest, WhatIsNotUtf8IsRefusedInUtf8) {
+  start();
+  for (const char* target : {"/%ff", "/v1/current?%ff=1", "/v1/current?camera=%c0%80"}) {
+    const Answer answer = ask(target);
+    EXPECT_EQ(answer.status, 400) << target;
+    EXPECT_NO_THROW(boost::json::parse(answer.body)) << target;
+  }
+  EXPECT_EQ(ask("/v1/current?camera=%C3%A9").status, 404);
+}
+
+TEST_F(ServerTest, NoCacheMayKeepAnAnswerBeyondTheTimeThatItHolds) {
+  start();
+  CameraHealth health;
+  health.up = true;
+  health.next_due_utc = at("2026-11-22T02:00:30Z");
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  live.set_health("quay", health);
+  const Answer answer = ask("/v1/current");
+  EXPECT_TRUE(answer.has("Cache-Control: private, max-age=290")) << answer.head;
+  EXPECT_TRUE(answer.has("Date: ")) << answer.head;
+}
+
+// A message that is sent late says how old it is by then; one that is stale by then is of the past.
+TEST_F(ServerTest, TheStreamDoesNotCallOldFramesCurrent) {
+  start();
+  live.publish("quay", foggy(at("2026-11-22T01:00:30Z")));
+  const auto resumed = [&] {
+    Client client(server->port());
+    client.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\nLast-Event-ID: " + live.run_id() + "-0-0\r\n\r\n");
+    return client.read_until("\"reason\"");
+  };
+  now = at("2026-11-22T01:04:30Z");
+  EXPECT_THAT(resumed(), HasSubstr("\"ageSeconds\":240}"));
+  now = at("2026-11-22T01:10:30Z");
+  EXPECT_THAT(resumed(), Not(HasSubstr("ageSeconds")));
+  live.publish("quay", foggy(at("2026-11-22T01:02:30Z")));  // an archive's
+  Client client(server->port());
+  client.send("GET /v1/stream HTTP/1.1\r\nHost: t\r\nLast-Event-ID: " + live.run_id() + "-1-0\r\n\r\n");
+  EXPECT_THAT(client.read_until("\"reason\""), Not(HasSubstr("\"stale\":false")));
 }
 
 TEST_F(ServerTest, ATokenThatIsTakenBackEndsItsStreamAndIsRefused) {

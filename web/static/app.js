@@ -1,20 +1,23 @@
 // The dashboard: fetches once, then lives by the event stream.
 import { age, length, lengthText, set, settings, time } from "./format.js";
 import { Series, drawProfile } from "./series.js";
-import { follow, getBlob, getJson, getObservations } from "./station.js";
+import { askAgain, follow, getJson, getObservations, getPicture } from "./station.js";
 
 const $ = (id) => document.getElementById(id);
-const state = { camera: "", current: null, received: 0, connected: false, selected: "", pictureUrl: "", fetchFailed: false };
+const state = { camera: "", cameras: [], lights: [], current: null, received: 0, receivedWall: 0, connected: false, selected: "", pictureUrl: "" };
 const series = new Series($("series"), $("legend"));
+const MOST_EVENTS = 200;
 const OLD_S = 6 * 3600;  // not stale by the station's own limit, and yet not of today: an archive's replay
 
 function text(id, value) {
   if ($(id).textContent !== value) $(id).textContent = value;
 }
 
-// The age grows here between messages: the page must not look fresh because nothing comes.
+// The age grows here between messages: the page must not look fresh because nothing comes. By the clock that runs on while
+// the computer sleeps, where there is one, and by the one that nobody sets.
 function ageSeconds() {
-  return state.current.ageSeconds + (performance.now() - state.received) / 1000;
+  const passed = Math.max(performance.now() - state.received, Date.now() - state.receivedWall);
+  return state.current.ageSeconds + passed / 1000;
 }
 
 function isStale() {
@@ -59,7 +62,7 @@ function bandText(v) {
 function showNow() {
   const c = state.current;
   if (!c) return;
-  // "Now" says nothing of what is long past; the picture, the lamps and the series say their own times.
+  // "Now" says nothing of what is long past; the picture and the series say their own times, lamps are "unknown".
   const stale = isStale();
   const v = c.visibility;
   const shown = length(stale ? null : v.value);
@@ -81,10 +84,34 @@ function showNow() {
 }
 
 function takeCurrent(properties) {
-  if (properties.ageSeconds === undefined) return;  // something missed, from the store
+  if (properties.ageSeconds === undefined) return;  // something missed, or long past
+  if (state.current && properties.camera === state.current.camera && properties.timestamp < state.current.timestamp &&
+      properties.ageSeconds > ageSeconds()) return;  // a late one
   state.current = properties;
   state.received = performance.now();
+  state.receivedWall = Date.now();
   showNow();
+}
+
+// Another camera: nothing of the last one's may stand under its name.
+function forgetCamera() {
+  state.current = null;
+  state.lights = [];
+  state.selected = "";
+  $("profile-box").hidden = true;
+  for (const id of ["value", "band", "mean", "time", "age", "used", "metar", "quality"]) text(id, "–");
+  for (const id of ["limit", "value-unit", "trend", "weather"]) text(id, "");
+  series.set([]);
+  $("lights").replaceChildren();
+  showPicture({});
+  showNotice();
+}
+
+// The answer, unless another camera was chosen while it was on its way.
+async function ofThisCamera(answer) {
+  const camera = state.camera;
+  const result = await answer;
+  return camera === state.camera ? result : null;
 }
 
 function toSeriesRow(p) {
@@ -93,10 +120,14 @@ function toSeriesRow(p) {
 }
 
 async function loadCurrent() {
+  const camera = state.camera;
   try {
-    takeCurrent((await getJson(`/v1/current?camera=${encodeURIComponent(state.camera)}`)).properties);
+    const answer = await ofThisCamera(getJson(`/v1/current?camera=${encodeURIComponent(camera)}`, "no-store"));
+    if (answer) takeCurrent(answer.properties);
   } catch (error) {
+    if (camera !== state.camera) return;
     if (error.status === 503) text("weather", "waiting for the first frame");
+    if (error.status === 401) text("weather", "needs a token");
   }
 }
 
@@ -104,22 +135,31 @@ async function loadCurrent() {
 async function loadSeries() {
   const end = state.current ? Date.parse(state.current.timestamp) + 1000 : Date.now();
   const iso = (ms) => new Date(ms).toISOString().replace(/\.\d+Z/, "Z");
+  const camera = state.camera;
   try {
-    series.set(await getObservations(state.camera, iso(end - 86400e3), iso(end + 1000), "raw"));
+    const rows = await ofThisCamera(getObservations(camera, iso(end - 86400e3), iso(end + 1000), "raw"));
+    if (rows) series.set(rows);
   } catch (error) {
-    series.set(state.current ? [toSeriesRow(state.current)] : []);
+    if (camera === state.camera) series.set(state.current ? [toSeriesRow(state.current)] : []);
   }
 }
 
-async function loadPicture() {
-  const blob = await getBlob(`/v1/frames/latest.jpg?camera=${encodeURIComponent(state.camera)}&annotated=${$("annotated").checked}`);
+function showPicture({ blob, time: taken, locked }) {
   $("picture").hidden = !blob;
   $("marks").hidden = !blob;
   $("no-picture").hidden = Boolean(blob);
-  if (!blob) return;
+  $("sign-in").hidden = !locked;
+  text("no-picture", locked ? "Pictures need a token." : "No picture yet.");
+  text("picture-time", blob && taken ? time(taken, true) : "");
   if (state.pictureUrl) URL.revokeObjectURL(state.pictureUrl);
-  state.pictureUrl = URL.createObjectURL(blob);
-  $("picture").src = state.pictureUrl;
+  state.pictureUrl = blob ? URL.createObjectURL(blob) : "";
+  if (blob) $("picture").src = state.pictureUrl;
+}
+
+async function loadPicture() {
+  const picture = await ofThisCamera(getPicture(
+    `/v1/frames/latest.jpg?camera=${encodeURIComponent(state.camera)}&annotated=${$("annotated").checked}`));
+  if (picture) showPicture(picture);
 }
 
 function lightButton(light) {
@@ -141,7 +181,9 @@ function placeMark(light, camera) {
 }
 
 async function loadLights() {
-  const { lights } = await getJson(`/v1/lights?camera=${encodeURIComponent(state.camera)}`);
+  const answer = await ofThisCamera(getJson(`/v1/lights?camera=${encodeURIComponent(state.camera)}`));
+  if (!answer) return;
+  const { lights } = answer;
   const focused = document.activeElement && document.activeElement.dataset.light;
   const inMarks = $("marks").contains(document.activeElement);
   $("lights").replaceChildren(...lights.map((light) => {
@@ -175,7 +217,8 @@ async function showProfile(id) {
   const fit = light && light.fit;
   const number = (value, digits = 2) => (value === null ? "–" : value.toFixed(digits));
   try {
-    const profile = await getJson(`/v1/lights/${encodeURIComponent(id)}/profile?camera=${encodeURIComponent(state.camera)}`);
+    const profile = await ofThisCamera(getJson(`/v1/lights/${encodeURIComponent(id)}/profile?camera=${encodeURIComponent(state.camera)}`));
+    if (!profile || state.selected !== id) return;
     drawProfile($("profile"), profile);
     text("profile-facts", ["Across: angle from the lamp; up: radiance; both logarithmic. Points and band: measured, ±1 σ; line: fit.",
       fit ? `σR ${number(fit.opticalThickness)}, strength ${number(fit.strengthRatio)} × reference, residual ${number(fit.residualRms)} σ.` : "",
@@ -242,25 +285,49 @@ async function loadAll() {
   await Promise.all([loadSeries(), loadLights(), loadPicture(), loadEvents()]);
 }
 
-async function onMessage(type, data) {
+// Runs `work` at once, and once more after it if it was asked for meanwhile: a hundred messages that come together
+// ask the station twice, not a hundred times.
+function atMostOneAtATime(work) {
+  let running = false, again = false;
+  return async () => {
+    again = true;
+    if (running) return;
+    running = true;
+    while (again) {
+      again = false;
+      await work().catch((error) => console.info(error.message));
+    }
+    running = false;
+  };
+}
+
+const refreshHealth = atMostOneAtATime(loadHealth);
+const refreshFrame = atMostOneAtATime(async () => {
+  series.draw();
+  await Promise.all([loadCurrent(), loadLights(), loadPicture(), loadHealth()]);
+  if (state.selected) await showProfile(state.selected);
+});
+
+function onMessage(type, data) {
   if (type === "event") {
     if (!$("events").children.length) $("events").textContent = "";
     $("events").prepend(eventItem(data));
-    return loadHealth();
+    while ($("events").children.length > MOST_EVENTS) $("events").lastElementChild.remove();
+    refreshHealth();
+  } else if (data.properties.camera === state.camera) {
+    takeCurrent(data.properties);
+    series.add(toSeriesRow(data.properties));
+    refreshFrame();
   }
-  if (data.properties.camera !== state.camera) return undefined;
-  takeCurrent(data.properties);
-  series.add(toSeriesRow(data.properties));
-  await Promise.all([loadLights(), loadPicture(), loadHealth()]);
-  if (state.selected) await showProfile(state.selected);
-  return undefined;
 }
+
+const refreshAll = atMostOneAtATime(loadAll);
 
 function onConnection(connected) {
   const back = connected && !state.connected;
   state.connected = connected;
   showNotice();
-  if (back) loadAll().catch((error) => console.info(error.message));
+  if (back) refreshAll();
 }
 
 const THEMES = ["auto", "light", "dark", "night"];
@@ -286,8 +353,9 @@ function changeSetting(name, value) {
 $("unit").addEventListener("click", () => changeSetting("unit", settings.unit === "m" ? "mi" : "m"));
 $("zone").addEventListener("click", () => changeSetting("zone", settings.zone === "UTC" ? "local" : "UTC"));
 $("theme").addEventListener("click", () => changeSetting("theme", THEMES[(THEMES.indexOf(settings.theme) + 1) % THEMES.length]));
-$("annotated").addEventListener("change", loadPicture);
-$("camera").addEventListener("change", () => { state.camera = $("camera").value; state.selected = ""; $("profile-box").hidden = true; loadAll(); });
+$("annotated").addEventListener("change", () => loadPicture().catch((error) => console.info(error.message)));
+$("sign-in").addEventListener("click", () => { askAgain(); refreshAll(); });
+$("camera").addEventListener("change", () => { state.camera = $("camera").value; forgetCamera(); refreshAll(); });
 showSettings();
 setInterval(showAge, 1000);
 setInterval(() => { if (isStale()) showNow(); }, 5000);

@@ -44,7 +44,7 @@ export function time(text, withDate = false) {
   if (!text) return "–";
   const date = new Date(text);
   const zone = settings.zone === "UTC" ? { timeZone: "UTC" } : {};
-  const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", hour12: false, ...zone };
+  const options = { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23", ...zone };
   if (withDate) Object.assign(options, { year: "numeric", month: "short", day: "2-digit" });
   return date.toLocaleString(undefined, options) + (settings.zone === "UTC" ? " UTC" : "");
 }

@@ -85,9 +85,11 @@ export class Series {
     this.draw();
   }
 
+  // Not drawn yet. What is older than the span that is shown goes.
   add(row) {
     this.rows.set(row.time_utc, row);
-    this.draw();
+    const newest = Math.max(...[...this.rows.keys()].map((time) => Date.parse(time)));
+    for (const key of this.rows.keys()) if (Date.parse(key) < newest - DAY_MS) this.rows.delete(key);
   }
 
   draw() {

@@ -6,31 +6,47 @@ function headers(extra) {
   return token ? { ...extra, Authorization: `Bearer ${token}` } : { ...extra };
 }
 
-function askForToken() {
+// Pictures may need a token where everything else does not.
+const kindOf = (path) => (path.startsWith("/v1/frames") ? "pictures" : "everything");
+const declined = new Set();
+
+// Resolves to whether one was given. Who says no is not asked again for this kind; askAgain() takes that back.
+function askForToken(kind) {
   if (asking) return asking;
   const dialog = document.getElementById("login");
   asking = new Promise((resolve) => {
     dialog.addEventListener("close", () => {
-      token = document.getElementById("token").value.trim();
-      sessionStorage.setItem("token", token);
+      const given = dialog.returnValue === "given";
+      if (given) {
+        token = document.getElementById("token").value.trim();
+        sessionStorage.setItem("token", token);
+      } else {
+        declined.add(kind);
+      }
       asking = null;
-      resolve();
+      resolve(given);
     }, { once: true });
+    dialog.returnValue = "";
     dialog.showModal();
   });
   return asking;
 }
 
-async function request(path, extra = {}) {
+export function askAgain() {
+  declined.clear();
+}
+
+// `cache`: "no-store" where the answer counts from the moment it was made.
+async function request(path, { extra = {}, cache = "no-cache", signal } = {}) {
   for (;;) {
-    const response = await fetch(path, { headers: headers(extra), cache: "no-cache" });
-    if (response.status !== 401) return response;
-    await askForToken();
+    const response = await fetch(path, { headers: headers(extra), cache, signal });
+    if (response.status !== 401 || declined.has(kindOf(path))) return response;
+    await askForToken(kindOf(path));
   }
 }
 
-export async function getJson(path) {
-  const response = await request(path);
+export async function getJson(path, cache) {
+  const response = await request(path, { cache });
   if (!response.ok) {
     const error = new Error(`${path}: ${response.status}`);
     error.status = response.status;
@@ -39,9 +55,11 @@ export async function getJson(path) {
   return response.json();
 }
 
-export async function getBlob(path) {
+// The picture and its time; neither where there is none, `locked` where a token is missing.
+export async function getPicture(path) {
   const response = await request(path);
-  return response.ok ? response.blob() : null;
+  if (!response.ok) return { locked: response.status === 401 };
+  return { blob: await response.blob(), time: response.headers.get("Last-Modified") };
 }
 
 // All pages of a range.
@@ -68,19 +86,27 @@ function parseMessage(text) {
   return message;
 }
 
+const SILENCE_MS = 45e3;  // three of the station's heartbeats: the connection is dead, whatever the system thinks
+
 // fetch rather than EventSource, which can send no token. Calls back with every message and with true or false as the
 // connection comes and goes; tries again for ever.
 export async function follow(onMessage, onConnection) {
   let last = "";
   for (let wait = 1000; ; wait = Math.min(wait * 2, 30000)) {
+    const silence = new AbortController();
+    let timer = 0;
+    const heard = () => {
+      clearTimeout(timer);
+      timer = setTimeout(() => silence.abort(), SILENCE_MS);
+    };
     try {
-      const response = await request("/v1/stream", last ? { "Last-Event-ID": last } : {});
+      const response = await request("/v1/stream", { extra: last ? { "Last-Event-ID": last } : {}, signal: silence.signal });
       if (!response.ok) throw new Error(String(response.status));
       onConnection(true);
       wait = 1000;
       const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
       let buffer = "";
-      for (;;) {
+      for (heard(); ; heard()) {
         const { value, done } = await reader.read();
         if (done) break;
         buffer += value;
@@ -95,6 +121,7 @@ export async function follow(onMessage, onConnection) {
     } catch (error) {
       console.info("stream:", error.message);
     }
+    clearTimeout(timer);
     onConnection(false);
     await new Promise((resolve) => setTimeout(resolve, wait));
   }

@@ -2,6 +2,7 @@
 // width, keyboard, no console error, nothing loaded from elsewhere. Screenshots go to OUT.
 //   npm install; node dashboard.mjs LAMPGLOW ARCHIVE OUT
 import assert from "node:assert/strict";
+import { createHash } from "node:crypto";
 import { spawn } from "node:child_process";
 import { mkdtempSync, mkdirSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -13,8 +14,13 @@ const port = 18200 + (process.pid % 700);
 const work = mkdtempSync(join(tmpdir(), "lampglow-dashboard-"));
 mkdirSync(out, { recursive: true });
 // A replayed night is old: its frames are stale by nature, which is what the stale notice is tested with.
-writeFileSync(join(work, "station.toml"), `name = "night"\nsite_file = "${archive}/site.toml"\n[source]\nurl = "archive:${archive}"\n` +
-  `[station]\ndata_directory = "${work}/data"\nworkers = 1\n[http]\nport = ${port}\n`);
+// The second camera never gives a picture.
+mkdirSync(join(work, "empty"));
+const configure = (http) => writeFileSync(join(work, "station.toml"),
+  `[station]\ndata_directory = "${work}/data"\nworkers = 1\n[http]\nport = ${port}\n${http}\n` +
+  `[[cameras]]\nname = "night"\nsite_file = "${archive}/site.toml"\n[cameras.source]\nurl = "archive:${archive}"\n` +
+  `[[cameras]]\nname = "empty"\nsite_file = "${archive}/site.toml"\n[cameras.source]\nurl = "watch:${work}/empty"\n`);
+configure("");
 const station = spawn(lampglow, ["serve", "--config", join(work, "station.toml")], { stdio: "inherit" });
 const base = `http://127.0.0.1:${port}`;
 
@@ -82,7 +88,40 @@ try {
   await page.screenshot({ path: join(out, "phone.png"), fullPage: true });
 
   assert.deepEqual(errors, [], "console errors");
+
+  // Another camera: nothing of the first one's stands under its name.
+  const nothing = async () => (await page.textContent("#time")) === "–" && (await page.textContent("#value")) === "–" &&
+    /waiting/.test(await page.textContent("#weather")) && !(await page.isVisible("#picture"));
+  await page.selectOption("#camera", "empty");
+  await until("empty page of a camera without pictures", nothing, 20);
+  await page.selectOption("#camera", "night");
+  await page.selectOption("#camera", "empty");
+  await new Promise((resolve) => setTimeout(resolve, 3000));
+  assert.ok(await nothing(), "what was asked for one camera came under another's name");
+  await page.selectOption("#camera", "night");
+  await until("picture again", async () => page.isVisible("#picture"), 20);
+  assert.match(await page.textContent("#picture-time"), /20[0-9][0-9].*UTC/);
+  // The browser itself tells of the 503 and 404 that say "no frame yet".
+  assert.deepEqual(errors.filter((error) => !/status of (503|404)/.test(error)), [], "console errors");
+
   assert.deepEqual(elsewhere, [], "requests to elsewhere");
+
+  // Pictures for those with a token alone, by a reload: who has none says so once, and sees the rest.
+  configure(`protect = "pictures"\ntoken_hashes = ["${createHash("sha256").update("let me in").digest("hex")}"]`);
+  station.kill("SIGHUP");
+  await until("protection", async () => (await fetch(`${base}/v1/frames/latest.jpg`)).status === 401, 20);
+  await page.reload();
+  await until("question for a token", async () => page.isVisible("#login"), 20);
+  await page.keyboard.press("Escape");
+  await until("words instead of the picture", async () => /need a token/.test(await page.textContent("#no-picture")), 20);
+  assert.notEqual(await page.textContent("#time"), "–");
+  await new Promise((resolve) => setTimeout(resolve, 2000));
+  assert.ok(!(await page.isVisible("#login")), "asks again and again");
+  await page.click("#sign-in");
+  await until("question for a token", async () => page.isVisible("#login"), 20);
+  await page.fill("#token", "let me in");
+  await page.keyboard.press("Enter");
+  await until("picture for one with a token", async () => page.isVisible("#picture"), 20);
 
   station.kill("SIGTERM");
   await until("notice of the lost connection", async () => /No connection/.test(await page.textContent("#notice")), 20);
