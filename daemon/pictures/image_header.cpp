@@ -184,6 +184,8 @@ bool tiff_pieces_fit(Reader& in, const TiffDirectory& directory, const ImageHead
   const std::uint64_t rows = value(directory.rows_per_strip);
   if (rows != 0xFFFF'FFFF && rows * width > most_px) return false;
   const std::uint64_t tile_height = value(directory.tile_height);
+  // Where only one side of a tile is told, a decoder makes up the other one.
+  if (directory.tile_width.seen != directory.tile_height.seen) return false;
   return tile_height == 0 || value(directory.tile_width) <= most_px / tile_height;
 }
 

@@ -135,6 +135,7 @@ struct Station::Impl {
   Keeper keeper;
   Backups backups;
   std::set<std::string> to_adopt;  // cameras whose stored reference could not be read yet
+  steady_clock::time_point next_adoption{};
   std::atomic<steady_clock::rep> writer_moved{0};
   std::atomic<bool> stopped{false};
   std::stop_source give_up;  // frames that are not measured yet are not going to be
@@ -178,9 +179,9 @@ void Station::Impl::note_backup(Backups::Result result, const std::string& messa
   const bool damaged = result == Backups::Result::damaged;
   const std::string text = damaged ? "the backup failed: the database is damaged" : message;
   live.set_fault("backup", good ? "" : "failed; see the events");
+  if (damaged) writes.push([this, message] { keeper.set_aside_damaged(message); });
   tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
         good ? Severity::info : Severity::error, "", text});
-  if (damaged) writes.push([this, message] { keeper.set_aside_damaged(message); });
 }
 
 // All that can go wrong with a camera's configuration does so here, where nothing has changed yet.
@@ -227,7 +228,9 @@ void Station::Impl::let_teach(const Adopted& adopted) {
 
 // On the writer's thread, once the database can be read after all.
 void Station::Impl::adopt_late() {
-  if (to_adopt.empty() || !keeper.is_open()) return;
+  const auto now = steady_clock::now();
+  if (to_adopt.empty() || !keeper.is_open() || now < next_adoption) return;
+  next_adoption = now + seconds(60);
   for (const std::string& camera : std::exchange(to_adopt, {})) {
     const auto setup = setup_of(camera);
     if (!setup) continue;

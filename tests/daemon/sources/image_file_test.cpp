@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 
+#include <map>
 #include <random>
 
 #include "daemon/pictures/image_header.h"
@@ -107,6 +108,39 @@ TEST(ImageFile, ADecompressionBombIsNotDecoded) {
   const DecodedImage fat = decode(std::string(2'000'000, 'x'), 8);
   EXPECT_TRUE(fat.quality.has(Quality::frame_too_large));
   EXPECT_EQ(fat.fault, "a.png: expected at most 548864 bytes for such a camera, got 2000000");
+}
+
+// A grey TIFF of 64 x 48 with these tags besides.
+std::string tiff_with(std::map<std::uint32_t, std::uint32_t> tags) {
+  tags.merge(std::map<std::uint32_t, std::uint32_t>{
+      {256, 64}, {257, 48}, {258, 8}, {259, 1}, {262, 1}, {273, 0}, {277, 1}, {278, 48}, {279, 64 * 48}});
+  tags[273] = static_cast<std::uint32_t>(8 + 2 + 12 * tags.size() + 4);  // the pixels stand behind all
+  std::string file;
+  const auto put = [&file](std::uint32_t value, int bytes) {
+    for (int i = 0; i < bytes; ++i) file += static_cast<char>(value >> (8 * i));
+  };
+  file = "II*";
+  put(0, 1);
+  put(8, 4);
+  put(static_cast<std::uint32_t>(tags.size()), 2);
+  for (const auto& [tag, value] : tags) {
+    put(tag, 2);
+    put(4, 2);
+    put(1, 4);
+    put(value, 4);
+  }
+  put(0, 4);
+  return file + std::string(64 * 48, 'x');
+}
+
+// A fuzzer found that libtiff takes RowsPerStrip for the side of a tile that is not told: 2 GB for 314 bytes.
+TEST(ImageFile, ATileOfWhichOneSideIsNotToldIsNotDecoded) {
+  EXPECT_EQ(decode(tiff_with({}), 8).fault, "");
+  for (const auto& tags :
+       {std::map<std::uint32_t, std::uint32_t>{{278, 16'384}, {322, 65'535}}, {{323, 65'535}}}) {
+    EXPECT_FALSE(read_image_header(bytes_of(tiff_with(tags)))->complete);
+    EXPECT_NE(decode(tiff_with(tags), 8).fault, "");
+  }
 }
 
 TEST(ImageFile, WhatIsNoPictureIsUndecodable) {

@@ -1,10 +1,12 @@
 // `lampglow serve` as its keeper meets it: a simulated night through an archive and through a web camera,
 // asked over HTTP, reloaded, ended, and its database looked into with the program's own commands.
+#include <SQLiteCpp/SQLiteCpp.h>
 #include <gmock/gmock.h>
 #include <signal.h>
 
 #include <algorithm>
 #include <boost/json.hpp>
+#include <fstream>
 #include <map>
 #include <set>
 #include <sstream>
@@ -265,6 +267,46 @@ TEST_F(Station, TlsByOptionForThoseWhoTrustItsCertificateAndSpeakAVersionThatHol
   EXPECT_THAT(wrong.log(), HasSubstr("server.key"));
 }
 
+// quick_check at the start found nothing: the disk spoils a page later.
+TEST_F(Station, DamageThatTheNightlyBackupFindsEndsInAFreshDatabase) {
+  configure("archive:" + archive().string());
+  {
+    Serving station(config_file(), folder_ / "log");
+    ASSERT_TRUE(has_observations(kFrames + kClearReferences)) << station.log();
+    end_well(station);
+  }
+  fs::create_directory(folder_ / "incoming");
+  configure("watch:" + (folder_ / "incoming").string());
+  Serving station(config_file(), folder_ / "log2");
+  ASSERT_TRUE(eventually(20s, [&] { return ask(port_, "/readyz").status == 200; })) << station.log();
+  {  // of the pictures, which nothing reads by itself while there are no new ones
+    const int page = SQLite::Database(database())
+                         .execAndGet(
+                             "SELECT pageno FROM dbstat WHERE name = 'picture' AND pagetype = 'leaf' "
+                             "ORDER BY path DESC LIMIT 1")
+                         .getInt();
+    std::fstream file(database(), std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp((page - 1) * std::streamoff{4096});
+    file << std::string(4096, '\xff');
+  }
+  const auto hour =
+      std::chrono::floor<std::chrono::hours>(std::chrono::system_clock::now()).time_since_epoch();
+  write_file(config_file(), read_all(config_file()) +
+                                "[keep]\nbackup_hour_utc = " + std::to_string(hour.count() % 24) + "\n");
+  station.signal(SIGHUP);
+  const auto events_tell = [&](const char* kind) {
+    return eventually(20s, [&] { return ask(port_, "/v1/events").body.find(kind) != std::string::npos; });
+  };
+  EXPECT_TRUE(events_tell("database_set_aside")) << station.log();
+  EXPECT_TRUE(events_tell("backup_failed")) << station.log();
+  int aside = 0;
+  for (const auto& entry : fs::directory_iterator(folder_ / "data"))
+    aside += entry.path().filename().string().starts_with("lampglow.db.corrupt-");
+  EXPECT_GE(aside, 1);
+  EXPECT_TRUE(!fs::exists(folder_ / "data/backups") || fs::is_empty(folder_ / "data/backups"));
+  end_well(station);
+}
+
 TEST_F(Station, NoSecretIsInAnyAnswerOrTheLog) {
   const std::string made = run_program({"token"}).out;  // "token: ...\nhash:  ...\n"
   const std::string token = made.substr(7, 43), hash = made.substr(made.find("hash:  ") + 7, 64);
@@ -272,7 +314,8 @@ TEST_F(Station, NoSecretIsInAnyAnswerOrTheLog) {
   write_file(config_file(),
              "name = \"quay\"\nsite_file = \"" + (archive() / "site.toml").string() +
                  "\"\n[source]\nurl = \"http://127.0.0.1:" + std::to_string(free_port()) +
-                 "/now.jpg?key=geheim-2\"\ncredentials_file = \"" + (folder_ / "account").string() +
+                 "/user=admin&password=geheim-4/now.jpg?key=geheim-2\"\ncredentials_file = \"" +
+                 (folder_ / "account").string() +
                  "\"\n[schedule]\ninterval_s = 1\n[station]\ndata_directory = \"data\"\n[http]\nport = " +
                  std::to_string(port_) + "\nprotect = \"pictures\"\ntoken_hashes = [\"" + hash + "\"]\n");
   Serving station(config_file(), folder_ / "log");

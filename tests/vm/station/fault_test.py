@@ -90,6 +90,17 @@ class Faults:
         m.run("cp -a /tmp/good /etc/lampglow/lampglow.toml; systemctl reload lampglow")
         self.more_observations()
 
+    def clock_held(self):
+        """a frame says whether NTP holds the clock: the unit's filter lets it ask"""
+        def flagged():
+            return ["clock_unsynchronised" in shown["quality"] for _, shown in sorted(self.follower.seen.items())][-1]
+        assert flagged(), "nobody holds the clock of this machine yet"
+        # What NTP does, by adjtimex(2): ADJ_STATUS and ADJ_MAXERROR, STA_PLL without STA_UNSYNC.
+        self.machine.run("perl -e '$t = pack(\"Lx4 q4 lx4\", 0x14, 0, 0, 1000, 1000, 1) . \"\\0\" x 200; "
+                         "exit(syscall(159, $t) < 0 ? 1 : 0)'")
+        self.more_observations(1)  # it may have been taken before
+        until("a frame of a clock that is held", 60, lambda: not flagged())
+
     def disk_full(self):
         """fault on /healthz; observations wait in memory and are stored when there is room; the current one is served on"""
         since, begin = self.last_event(), time.monotonic()
@@ -240,7 +251,7 @@ class Faults:
         assert not left, left
 
 
-FAULTS = ["a_night", "reloaded", "disk_full", "read_only_disk", "deleted_database", "corrupt_page", "clock_set_back",
+FAULTS = ["a_night", "clock_held", "reloaded", "disk_full", "read_only_disk", "deleted_database", "corrupt_page", "clock_set_back",
           "out_of_memory", "stopped_process", "dead_camera", "ended", "upgraded_and_purged"]
 
 
