@@ -93,7 +93,7 @@ class Faults:
     def clock_held(self):
         """a frame says whether NTP holds the clock: the unit's filter lets it ask"""
         def flagged():
-            return ["clock_unsynchronised" in shown["quality"] for _, shown in sorted(self.follower.seen.items())][-1]
+            return "clock_unsynchronised" in max(self.follower.seen.items())[1][1]["quality"]
         assert flagged(), "nobody holds the clock of this machine yet"
         # What NTP does, by adjtimex(2): ADJ_STATUS and ADJ_MAXERROR, STA_PLL without STA_UNSYNC.
         self.machine.run("perl -e '$t = pack(\"Lx4 q4 lx4\", 0x14, 0, 0, 1000, 1000, 1) . \"\\0\" x 200; "
