@@ -220,7 +220,8 @@ TEST_F(CameraLoopTest, ClockStepIsToldAndUnsynchronisedIsFlagged) {
   EXPECT_FALSE(log.slots().front().bracket.quality.has(Quality::clock_unsynchronised));
 }
 
-// A computer without a clock of its own: it is started in the night with the time of noon, and NTP tells later.
+// A computer without a clock of its own: it is started in the night with the time of noon, and NTP tells
+// later.
 TEST_F(CameraLoopTest, AClockThatIsPutRightWhileTheNightIsWaitedForEndsTheWait) {
   Log log;
   CameraLoopOptions options;
