@@ -137,21 +137,39 @@ std::vector<ObservationRow> Reader::observations(const ObservationQuery& query) 
   return guarded(impl_->file, [&] {
     const std::int64_t first =
         query.after ? std::max(to_ms(*query.after) + 1, to_ms(query.from)) : to_ms(query.from);
+    const std::string order = query.newest ? " DESC LIMIT ?" : " LIMIT ?";
     std::vector<ObservationRow> out;
     if (query.period_s == 0) {
-      static const std::string sql =
-          raw_select() +
-          "WHERE o.camera_id = ? AND o.time_ms >= ? AND o.time_ms < ? ORDER BY o.time_ms LIMIT ?";
-      const auto lease = impl_->ask(sql, query.camera, first, to_ms(query.to), query.limit);
+      const auto lease = impl_->ask(
+          raw_select() + "WHERE o.camera_id = ? AND o.time_ms >= ? AND o.time_ms < ? ORDER BY o.time_ms" +
+              order,
+          query.camera, first, to_ms(query.to), query.limit);
       while (lease.statement.executeStep()) out.push_back(read_raw(lease.statement));
     } else {
-      static const std::string sql =
+      const auto lease = impl_->ask(
           mean_select() +
-          "WHERE camera_id = ? AND period_s = ? AND end_ms >= ? AND end_ms < ? ORDER BY end_ms LIMIT ?";
-      const auto lease = impl_->ask(sql, query.camera, query.period_s, first, to_ms(query.to), query.limit);
+              "WHERE camera_id = ? AND period_s = ? AND end_ms >= ? AND end_ms < ? ORDER BY end_ms" + order,
+          query.camera, query.period_s, first, to_ms(query.to), query.limit);
       while (lease.statement.executeStep()) out.push_back(read_mean_row(lease.statement, query.period_s));
     }
+    if (query.newest) std::reverse(out.begin(), out.end());
     return out;
+  });
+}
+
+std::optional<TimePoint> Reader::newest_of_a_day(CameraNumber camera) {
+  constexpr std::int64_t kDay_ms = 86'400'000, kWeek_ms = 7 * kDay_ms;
+  return guarded(impl_->file, [&]() -> std::optional<TimePoint> {
+    const auto lease = impl_->ask(
+        "SELECT end_ms FROM mean WHERE camera_id = ? AND period_s = 3600 ORDER BY end_ms DESC", camera);
+    std::optional<std::int64_t> newest, last;  // of the stretch that is walked through, backwards
+    while (lease.statement.executeStep()) {
+      const std::int64_t end_ms = lease.statement.getColumn(0).getInt64();
+      if (!newest || *last - end_ms > kWeek_ms) newest = end_ms;
+      last = end_ms;
+      if (*newest - end_ms >= kDay_ms) break;
+    }
+    return newest ? std::optional(from_ms(*newest)) : std::nullopt;
   });
 }
 

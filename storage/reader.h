@@ -13,8 +13,8 @@
 
 namespace lampglow::storage {
 
-// Rows of one camera with from <= time < to, ascending, at most `limit`. Keyset paging: ask again with
-// `after` = the last row's time.
+// Rows of one camera with from <= time < to, ascending, at most `limit`: the oldest, or the newest. Keyset
+// paging through the former: ask again with `after` = the last row's time.
 struct ObservationQuery {
   CameraNumber camera = 0;
   TimePoint from{};
@@ -22,6 +22,7 @@ struct ObservationQuery {
   int period_s = 0;  // 0 single frames, or 60, 600, 3600
   std::optional<TimePoint> after;
   int limit = 1000;
+  bool newest = false;
 };
 
 struct LampFitRow {
@@ -44,6 +45,11 @@ class Reader {
   std::optional<ObservationRow> latest(CameraNumber camera, int period_s = 0);
   // The time of the camera's first and last frame.
   std::optional<std::pair<TimePoint, TimePoint>> span(CameraNumber camera);
+
+  // The newest hour of a stretch of a day at least, within which no week is without frames: what a clock that
+  // was wrong for some hours has put behind it does not count. The first stretch's, if none is that long;
+  // empty if nothing is stored.
+  std::optional<TimePoint> newest_of_a_day(CameraNumber camera);
 
   // The catalogue in force, by id.
   std::vector<LampRecord> lamps(CameraNumber camera);

@@ -269,16 +269,9 @@ std::string missed_messages(const LiveState& live, storage::Reader& reader, cons
   for (const CameraRecord& known : live.cameras()) {
     const auto camera = reader.camera(known.name);
     if (!camera) continue;
-    storage::ObservationQuery query{camera->number, from, live.now() + std::chrono::hours(1), 0, {}, limit};
-    std::vector<ObservationRow> newest, page;
-    do {  // the newest that fit
-      page = reader.observations(query);
-      if (page.empty()) break;
-      query.after = page.back().observation.time_utc;
-      newest.insert(newest.end(), page.begin(), page.end());
-      if (std::ssize(newest) > limit) newest.erase(newest.begin(), newest.end() - limit);
-    } while (std::ssize(page) == limit);
-    for (const ObservationRow& row : newest)
+    const storage::ObservationQuery query{camera->number, from, live.now() + std::chrono::hours(1), 0, {},
+                                          limit,          true};
+    for (const ObservationRow& row : reader.observations(query))
       out += "event: observation\ndata: " + observation_feature(*camera, row) + "\n\n";
   }
   return out;

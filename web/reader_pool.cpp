@@ -1,22 +1,29 @@
 #include "web/reader_pool.h"
 
-#include <sys/stat.h>
-
 namespace lampglow::web {
 
+using storage::FileId;
+using storage::StorageError;
+
+void ReaderPool::use_only(std::optional<FileId> file) {
+  const std::lock_guard lock(mutex_);
+  only_ = file;
+}
+
 ReaderPool::Held ReaderPool::take() {
-  struct stat now {};
-  if (::stat(file_.c_str(), &now) != 0)
-    throw storage::StorageError(storage::StorageError::Kind::io, file_.string() + ": there is no such file");
+  const std::optional<FileId> now = storage::file_id(file_);
+  if (!now) throw StorageError(StorageError::Kind::io, file_.string() + ": there is no such file");
   {
     const std::lock_guard lock(mutex_);
+    if (only_ && *only_ != *now)
+      throw StorageError(StorageError::Kind::io, file_.string() + ": another file, not in use yet");
     while (!idle_.empty()) {
       Held held = std::move(idle_.back());
       idle_.pop_back();
-      if (held.device == now.st_dev && held.inode == now.st_ino) return held;
+      if (held.file == *now) return held;
     }
   }
-  return {std::make_unique<storage::Reader>(file_), now.st_dev, now.st_ino};
+  return {std::make_unique<storage::Reader>(file_), *now};
 }
 
 void ReaderPool::give_back(Held held) {

@@ -182,7 +182,8 @@ struct Server::Impl {
   template <typename Work>
   asio::awaitable<std::invoke_result_t<Work>> on_database_thread(Work work);
   Held read_database(const Request& request);
-  asio::awaitable<std::string> first_messages(const Request& request, std::uint64_t& sequence);
+  asio::awaitable<Held> first_messages(const Request& request, std::uint64_t& sequence);
+  Held read_missed(const StreamPosition& position);
 
   ServerOptions options;
   LiveState& live;
@@ -357,28 +358,34 @@ asio::awaitable<bool> Server::Impl::write_all(Stream& stream, std::string_view h
 }
 
 // What the client has missed: from memory, else from the database; nothing for a new client but the present
-// state.
-asio::awaitable<std::string> Server::Impl::first_messages(const Request& request, std::uint64_t& sequence) {
-  std::string out = "retry: 3000\n\n";
+// state. Where there is no room for it: the 503 that closes the connection, so that the client tries again.
+asio::awaitable<Held> Server::Impl::first_messages(const Request& request, std::uint64_t& sequence) {
+  Held first;
+  first.response.body = "retry: 3000\n\n";
   sequence = live.last_sequence();
   const auto position = parse_stream_id(request.last_event_id);
-  if (!position) co_return out;
+  if (!position) co_return first;
   const auto kept = position->run == live.run_id() ? live.messages_after(position->sequence) : std::nullopt;
-  if (kept) {
-    sequence = position->sequence;
-    co_return out;
+  if (kept) sequence = position->sequence;
+  if (kept || !api.options().database) co_return first;
+  Held missed = co_await on_database_thread([this, &position] { return read_missed(*position); });
+  missed.response.body.insert(0, first.response.body);
+  co_return missed;
+}
+
+// On a database thread.
+Held Server::Impl::read_missed(const StreamPosition& position) {
+  Held missed;
+  try {
+    missed.response.body = readers.use([&](storage::Reader& reader) {
+      return missed_messages(live, reader, position, kMissedObservations);
+    });
+  } catch (const std::exception&) {  // what came since the station runs is told nevertheless
+    return {};
   }
-  if (!api.options().database) co_return out;
-  out += co_await on_database_thread([this, &position]() -> std::string {
-    try {
-      return readers.use([&](storage::Reader& reader) {
-        return missed_messages(live, reader, *position, kMissedObservations);
-      });
-    } catch (const std::exception&) {
-      return "";
-    }
-  });
-  co_return out;
+  missed.place = Place(large_answers, missed.response.body.size());
+  if (!missed.place.given()) missed.response = problem(503, "too many large answers are being sent");
+  return missed;
 }
 
 template <typename Stream>
@@ -387,7 +394,9 @@ asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& reques
   if (const auto [error, count] = co_await asio::async_write(stream, asio::buffer(head), kNoThrow); error)
     co_return;
   std::uint64_t sequence = 0;
-  std::string text = co_await first_messages(request, sequence);
+  Held first = co_await first_messages(request, sequence);
+  if (first.response.status != 200) co_return;
+  std::string text = std::move(first.response.body);
   asio::steady_timer timer(io);
   waiting_streams.insert(&timer);
   live.set_stream_clients(++streams);
@@ -403,6 +412,7 @@ asio::awaitable<void> Server::Impl::follow(Stream& stream, const Request& reques
       const auto [error, count] = co_await asio::async_write(stream, asio::buffer(text), kNoThrow);
       if (error) break;
       text = {};
+      first.place = {};
     }
     if (live.last_sequence() != sequence || admitted != access_version) continue;
     timer.expires_after(options.stream_heartbeat);
@@ -429,6 +439,9 @@ void Server::set_tls(const TlsFiles& files) {
 void Server::set_access(Access access) {
   impl_->api.set_access(std::move(access));
   asio::post(impl_->io, [impl = impl_.get()] { impl->end_streams(); });
+}
+void Server::use_database(std::optional<storage::FileId> file) {
+  impl_->readers.use_only(file);
 }
 unsigned short Server::port() const {
   return impl_->acceptor.local_endpoint().port();

@@ -4,8 +4,10 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
+#include "storage/file_id.h"
 #include "web/api.h"
 #include "web/live_state.h"
 
@@ -50,6 +52,8 @@ class Server {
   void set_tls(const TlsFiles& files);
   // From any thread. Event streams are closed, so that their clients show a token that still holds.
   void set_access(Access access);
+  // From any thread: the database file that is in use, see ReaderPool::use_only().
+  void use_database(std::optional<storage::FileId> file);
 
  private:
   struct Impl;

@@ -45,25 +45,26 @@ void Backups::make(const std::filesystem::path& copy, int keep) const {
     remove_leftovers();
     if (!storage::backup(database_, copy, stop_.get_token())) return;
     drop_oldest(keep);
-    done_(Result::good, "backup " + copy.filename().string() + " made and checked");
+    done_(Result::good, "backup " + copy.filename().string() + " made and checked", {});
   } catch (const storage::StorageError& error) {
     say_why(error);
   } catch (const std::exception& error) {
-    done_(Result::failed, std::string("the backup failed: ") + error.what());
+    done_(Result::failed, std::string("the backup failed: ") + error.what(), {});
   }
 }
 
 // A copy that is damaged may be the database's fault or its own disk's.
 void Backups::say_why(const storage::StorageError& error) const {
   const std::string failed = std::string("the backup failed: ") + error.what();
-  if (error.kind() != storage::StorageError::Kind::corrupt) return done_(Result::failed, failed);
+  if (error.kind() != storage::StorageError::Kind::corrupt) return done_(Result::failed, failed, {});
+  const storage::FileId file = storage::file_id(database_).value_or(storage::FileId{});
   try {
     const std::string found = storage::check(database_, true, stop_.get_token());
-    done_(found == "ok" ? Result::failed : Result::damaged, found == "ok" ? failed : found);
+    done_(found == "ok" ? Result::failed : Result::damaged, found == "ok" ? failed : found, file);
   } catch (const storage::StorageError& why) {
     using Kind = storage::StorageError::Kind;
     if (why.kind() == Kind::stopped) return;
-    done_(why.kind() == Kind::corrupt ? Result::damaged : Result::failed, why.what());
+    done_(why.kind() == Kind::corrupt ? Result::damaged : Result::failed, why.what(), file);
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "estimator/time.h"
 #include "storage/error.h"
+#include "storage/file_id.h"
 
 namespace lampglow::daemon {
 
@@ -16,7 +17,8 @@ class Backups {
  public:
   enum class Result { good, failed, damaged };  // damaged: the database itself, which then does not go on
   // Is told of each backup in words, from the backup's thread.
-  using Done = std::function<void(Result result, const std::string& message)>;
+  // `file`: that was damaged.
+  using Done = std::function<void(Result result, const std::string& message, const storage::FileId& file)>;
   Backups(std::filesystem::path database, std::filesystem::path folder, int keep, int hour_utc, Done done);
 
   // Starts a backup if the hour has come and today's is not there yet.

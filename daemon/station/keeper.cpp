@@ -1,7 +1,5 @@
 #include "daemon/station/keeper.h"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -49,13 +47,13 @@ class LongStep {
   const std::function<void(std::chrono::seconds)>& tell_;
 };
 
-// Empty if nothing is stored.
-std::optional<TimePoint> newest_frame(const std::filesystem::path& file) {
+// What retention begins with; empty if nothing is stored.
+std::optional<TimePoint> newest_to_trust(const std::filesystem::path& file) {
   storage::Reader reader(file);
   std::optional<TimePoint> newest;
   for (const storage::CameraRecord& camera : reader.cameras())
-    if (const auto row = reader.latest(camera.number))
-      newest = std::max(newest.value_or(TimePoint::min()), row->observation.time_utc);
+    if (const auto time = reader.newest_of_a_day(camera.number))
+      newest = std::max(newest.value_or(TimePoint::min()), *time);
   return newest;
 }
 
@@ -68,7 +66,14 @@ Keeper::Keeper(std::filesystem::path database, storage::Retention retention,
       checkpoint_every_(checkpoint_every),
       callbacks_(std::move(callbacks)) {
   utc_ = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now());
-  open(utc_, stop);
+  try {
+    open_file(utc_, stop);
+  } catch (const StorageError& error) {
+    using Kind = StorageError::Kind;
+    if (error.kind() == Kind::too_new || error.kind() == Kind::stopped) throw;
+    store_.reset();
+    failed(error);
+  }
 }
 
 Keeper::~Keeper() = default;
@@ -88,8 +93,7 @@ void Keeper::add_event(Event event) {
 }
 
 bool Keeper::file_is_ours() const {
-  struct stat now {};
-  return ::stat(file_.c_str(), &now) == 0 && now.st_ino == inode_ && now.st_dev == device_;
+  return storage::file_id(file_) == ours_;
 }
 
 // A damaged file is one that SQLite cannot open or whose quick_check finds something.
@@ -110,24 +114,25 @@ void Keeper::open_fresh_if_damaged(TimePoint utc, const std::stop_token& stop) {
              aside.filename().string() + " and the station goes on with a fresh one");
 }
 
-void Keeper::open(TimePoint utc, const std::stop_token& stop) {
+void Keeper::open_file(TimePoint utc, const std::stop_token& stop) {
+  std::error_code ignored;
+  std::filesystem::create_directories(file_.parent_path(), ignored);
+  if (wal_is_anothers_) storage::set_wal_aside(file_, utc);
+  wal_is_anothers_ = false;
+  const LongStep step(callbacks_.on_long_step, longest_check(file_));
+  open_fresh_if_damaged(utc, stop);
+  store_ = std::make_unique<Store>(file_, kLive, stop);
+  ours_ = storage::file_id(file_);
+  if (ours_) callbacks_.on_open(*ours_);
+  retention_clock_.begin(newest_to_trust(file_));
+  numbers_.clear();
+  for (const auto& [name, site] : sites_) numbers_[name] = store_->upsert_camera(name, site);
+}
+
+void Keeper::open(TimePoint utc) {
   try {
-    std::error_code ignored;
-    std::filesystem::create_directories(file_.parent_path(), ignored);
-    const LongStep step(callbacks_.on_long_step, longest_check(file_));
-    open_fresh_if_damaged(utc, stop);
-    store_ = std::make_unique<Store>(file_, kLive, stop);
-    struct stat now {};
-    if (::stat(file_.c_str(), &now) == 0) {
-      inode_ = now.st_ino;
-      device_ = now.st_dev;
-    }
-    retention_clock_.begin(newest_frame(file_));
-    numbers_.clear();
-    for (const auto& [name, site] : sites_) numbers_[name] = store_->upsert_camera(name, site);
+    open_file(utc, stop_.get_token());
   } catch (const StorageError& error) {
-    using Kind = StorageError::Kind;
-    if (error.kind() == Kind::too_new || error.kind() == Kind::stopped) throw;
     store_.reset();
     failed(error);
   }
@@ -168,19 +173,16 @@ void Keeper::start_with_another_file(TimePoint utc) {
   if (!std::filesystem::exists(file_, unknown))
     return start_afresh(utc, "the database's file was removed", false);
   store_.reset();
-  try {
-    storage::set_wal_aside(file_, utc);
-  } catch (const StorageError& error) {
-    return failed(error);
-  }
+  wal_is_anothers_ = true;
   report(EventKind::database_set_aside, Severity::warning,
          "the database's file was replaced; the station goes on with the one that is there now");
   references_.assign(in_force_.begin(), in_force_.end());
   open(utc);
 }
 
-void Keeper::set_aside_damaged(const std::string& found) {
-  if (store_) start_afresh(utc_, "the database is damaged (" + found.substr(0, 200) + ")", true);
+void Keeper::set_aside_damaged(const storage::FileId& file, const std::string& found) {
+  if (store_ && file == ours_ && file_is_ours())
+    start_afresh(utc_, "the database is damaged (" + found.substr(0, 200) + ")", true);
 }
 
 bool Keeper::attempt(const std::function<void(Store&)>& work) {

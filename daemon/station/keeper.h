@@ -6,11 +6,13 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 
 #include "daemon/station/config.h"
 #include "daemon/station/retention_clock.h"
+#include "storage/file_id.h"
 #include "storage/maintenance.h"
 #include "storage/references.h"
 #include "storage/store.h"
@@ -22,6 +24,7 @@ struct KeeperCallbacks {
   std::function<void(const storage::Event&)> on_event;     // it is stored, too
   std::function<void(const std::string& fault)> on_fault;  // the database can't be written; empty: it can
   std::function<void(std::chrono::seconds)> on_long_step;  // what comes may take up to so long; 0: over
+  std::function<void(const storage::FileId&)> on_open;     // this is the database's file from now on
 };
 
 class Keeper {
@@ -44,8 +47,12 @@ class Keeper {
   void put_picture(const std::string& camera, const storage::PictureRecord& picture);
   void erase_picture(const storage::PictureRecord& picture);
 
-  // A check has found this in the file: it is set aside, and a fresh one begun.
-  void set_aside_damaged(const std::string& found);
+  // A check has found this in the file: it is set aside, and a fresh one begun, unless that has happened
+  // meanwhile.
+  void set_aside_damaged(const storage::FileId& file, const std::string& found);
+  // From any thread: the check of a file that takes the place of another one is not waited for. Then it stays
+  // closed.
+  void request_stop() { stop_.request_stop(); }
 
   // About once a second: retries, checkpoint, retention, the file's presence.
   void tick(TimePoint utc, std::chrono::steady_clock::time_point now);
@@ -63,7 +70,8 @@ class Keeper {
     std::string camera;
     FrameResult result;
   };
-  void open(TimePoint utc, const std::stop_token& stop = {});
+  void open(TimePoint utc);  // while the station runs
+  void open_file(TimePoint utc, const std::stop_token& stop);
   void open_fresh_if_damaged(TimePoint utc, const std::stop_token& stop);
   void start_afresh(TimePoint utc, const std::string& why, bool set_aside_first);
   void drain();
@@ -93,8 +101,10 @@ class Keeper {
   std::chrono::steady_clock::time_point next_try_{}, next_checkpoint_{}, next_retention_{}, next_look_{};
   RetentionClock retention_clock_;
   bool told_of_lag_ = false;
-  std::uint64_t lost_ = 0;  // since the fault began
-  std::uint64_t device_ = 0, inode_ = 0;
+  std::uint64_t lost_ = 0;               // since the fault began
+  std::optional<storage::FileId> ours_;  // of the open file
+  bool wal_is_anothers_ = false;         // what lies beside the file is of the one before it
+  std::stop_source stop_;
 };
 
 }  // namespace lampglow::daemon

@@ -51,21 +51,32 @@ Station::Impl::Impl(const StationConfig& given, const std::stop_token& stop)
               [this](const std::string& fault) {
                 live.set_fault("database", fault.empty() ? "" : "cannot be written");
               },
-              [this](std::chrono::seconds at_most) { allow_long_step(at_most); }},
+              [this](std::chrono::seconds at_most) { allow_long_step(at_most); },
+              [this](const storage::FileId& file) { use_database(file); }},
              stop),
       backups(given.database(), given.backup_directory(), given.backups_kept, given.backup_hour_utc,
-              [this](Backups::Result result, const std::string& message) { note_backup(result, message); }) {
+              [this](Backups::Result result, const std::string& message, const storage::FileId& file) {
+                note_backup(result, message, file);
+              }) {
   for (const CameraConfig& camera : config.cameras) install_camera(camera, open_camera(camera, stop));
   for (const CameraConfig& camera : config.cameras) restore(camera.name);
   pictures.load(kept_pictures(config.database(), utc_time()));
   server = std::make_unique<web::Server>(config.http, live, api_options(config));
+  if (database_file) server->use_database(database_file);
 }
 
 // A step of the writer that has reason to take long: the check of a large database.
 void Station::Impl::allow_long_step(seconds at_most) {
   const bool over = at_most == seconds(0);
   if (!over) notify_long_step(at_most);
+  if (over) writer_moved = steady_clock::now().time_since_epoch().count();
   writer_may_take_until = over ? 0 : (steady_clock::now() + at_most).time_since_epoch().count();
+}
+
+// By the constructor, then by the writer.
+void Station::Impl::use_database(const storage::FileId& file) {
+  database_file = file;
+  if (server) server->use_database(file);
 }
 
 void Station::Impl::start() {
@@ -96,6 +107,7 @@ void Station::Impl::bound_drain() {
 void Station::Impl::stop() {
   if (stopped.exchange(true)) return;
   live.set_not_ready("stopping");
+  keeper.request_stop();
   backups.request_stop();  // a copy that is being made would hold up the last checkpoint
   for (const auto& [name, feed] : feeds) feed->request_stop();
   {

@@ -45,6 +45,16 @@ void Station::Impl::close_camera(const std::string& name) {
   live.set_fault("camera " + name, "");
 }
 
+// False if a reload has put another one in force meanwhile.
+bool Station::Impl::replace(const std::shared_ptr<const CameraSetup>& before,
+                            const std::shared_ptr<const CameraSetup>& setup) {
+  const std::scoped_lock lock(setups_mutex);
+  const auto found = setups.find(before->name);
+  if (found == setups.end() || found->second != before) return false;
+  found->second = setup;
+  return true;
+}
+
 void Station::Impl::put_in_force(const std::shared_ptr<const CameraSetup>& setup) {
   const std::scoped_lock lock(setups_mutex);
   setups[setup->name] = setup;
@@ -65,6 +75,7 @@ void Station::Impl::let_teach(const Adopted& adopted) {
     teacher.forget(adopted.setup->name);
     return;
   }
+  to_adopt.erase(adopted.setup->name);
   if (adopted.to_store) keeper.put_reference(adopted.setup->name, *adopted.to_store);
   teacher.take_over(adopted);
 }
@@ -78,8 +89,7 @@ void Station::Impl::adopt_late() {
     const auto setup = setup_of(camera);
     if (!setup) continue;
     const Adopted adopted = adopt_reference(config.database(), setup, utc_time());
-    put_in_force(adopted.setup);
-    let_teach(adopted);
+    if (replace(setup, adopted.setup)) let_teach(adopted);
   }
 }
 
@@ -89,6 +99,17 @@ void Station::Impl::restore(const std::string& name) {
     live.restore(name, result);
     fog[name].note(result.observation);  // so that the same fog has no second onset
   }
+}
+
+void Station::Impl::forget_camera(const std::string& name) {
+  {
+    const std::scoped_lock lock(setups_mutex);
+    setups.erase(name);
+  }
+  writes.push([this, name] {
+    to_adopt.erase(name);
+    teacher.forget(name);
+  });
 }
 
 // A renewed certificate is in the same files, so they are read anew whatever their names. Throws where they
@@ -128,7 +149,7 @@ std::vector<std::string> Station::Impl::reload(const StationConfig& wanted, cons
     if (!wanted_names.contains(name)) {
       close_camera(name);
       live.set_health(name, {false, "stopped", "no longer in the configuration", {}, {}});
-      writes.push([this, gone = name] { teacher.forget(gone); });
+      forget_camera(name);
       left.push_back("camera " + name + " is stopped, but stays in answers until a restart");
     }
   writes.push([this, wanted] {

@@ -110,12 +110,13 @@ void Station::Impl::on_camera_event(const CameraEvent& event) {
 }
 
 // From the backup's thread.
-void Station::Impl::note_backup(Backups::Result result, const std::string& message) {
+void Station::Impl::note_backup(Backups::Result result, const std::string& message,
+                                const storage::FileId& file) {
   const bool good = result == Backups::Result::good;
   const bool damaged = result == Backups::Result::damaged;
   const std::string text = damaged ? "the backup failed: the database is damaged" : message;
   live.set_fault("backup", good ? "" : "failed; see the events");
-  if (damaged) writes.push([this, message] { keeper.set_aside_damaged(message); });
+  if (damaged) writes.push([this, message, file] { keeper.set_aside_damaged(file, message); });
   tell({0, utc_time(), good ? EventKind::backup_made : EventKind::backup_failed,
         good ? Severity::info : Severity::error, "", text});
 }

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <semaphore>
 #include <set>
 #include <string>
@@ -59,8 +60,12 @@ struct Station::Impl {
   void adopt(const std::shared_ptr<const CameraSetup>& fresh);
   void let_teach(const Adopted& adopted);
   void adopt_late();
+  bool replace(const std::shared_ptr<const CameraSetup>& before,
+               const std::shared_ptr<const CameraSetup>& setup);
+  void forget_camera(const std::string& name);
+  void use_database(const storage::FileId& file);
   void allow_long_step(std::chrono::seconds at_most);
-  void note_backup(Backups::Result result, const std::string& message);
+  void note_backup(Backups::Result result, const std::string& message, const storage::FileId& file);
   void take_over(const Taught& taught);
   void close_camera(const std::string& name);
   void restore(const std::string& camera);
@@ -86,6 +91,7 @@ struct Station::Impl {
   StationConfig config;
   SystemClock clock;
   web::LiveState live;
+  std::unique_ptr<web::Server> server;  // before the keeper, which tells it of its file
   BoundedQueue<Job> jobs;
   BoundedQueue<std::function<void()>> writes{64};
   std::atomic<int> jpeg_quality;
@@ -94,7 +100,9 @@ struct Station::Impl {
   std::map<std::string, std::shared_ptr<const CameraSetup>> setups;
   std::map<std::string, std::unique_ptr<Feed>> feeds;  // the main thread's
   std::mutex feeds_mutex;                              // against note_mor from the writer
+  std::atomic<std::chrono::steady_clock::rep> writer_moved{0};
   std::atomic<std::chrono::steady_clock::rep> writer_may_take_until{0};
+  std::optional<storage::FileId> database_file;
   // The writer thread's, once it runs:
   std::map<std::string, FogWatch> fog;
   Teacher teacher;
@@ -103,10 +111,8 @@ struct Station::Impl {
   Backups backups;
   std::set<std::string> to_adopt;  // cameras whose stored reference could not be read yet
   std::chrono::steady_clock::time_point next_adoption{};
-  std::atomic<std::chrono::steady_clock::rep> writer_moved{0};
   std::atomic<bool> stopped{false};
-  std::stop_source give_up;  // frames that are not measured yet are not going to be
-  std::unique_ptr<web::Server> server;
+  std::stop_source give_up;         // frames that are not measured yet are not going to be
   std::binary_semaphore worked{0};  // the workers have come to their end
   std::jthread workers;
   std::jthread writer;

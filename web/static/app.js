@@ -1,10 +1,10 @@
 // The dashboard: fetches once, then lives by the event stream.
 import { age, length, lengthText, set, settings, time } from "./format.js";
 import { Series, drawProfile } from "./series.js";
-import { askAgain, follow, getJson, getObservations, getPicture } from "./station.js";
+import { follow, getJson, getObservations, getPicture, signIn } from "./station.js";
 
 const $ = (id) => document.getElementById(id);
-const state = { camera: "", cameras: [], lights: [], current: null, received: 0, receivedWall: 0, connected: false, selected: "", pictureUrl: "" };
+const state = { camera: "", cameras: [], lights: [], current: null, received: 0, receivedWall: 0, connected: false, locked: false, selected: "", pictureUrl: "" };
 const series = new Series($("series"), $("legend"));
 const MOST_EVENTS = 200;
 const OLD_S = 6 * 3600;  // not stale by the station's own limit, and yet not of today: an archive's replay
@@ -26,7 +26,8 @@ function isStale() {
 
 function showNotice() {
   const parts = [];
-  if (!state.connected) parts.push("No connection to the station; what you see is the last that came.");
+  if (state.locked) parts.push("This station shows nothing without a token.");
+  else if (!state.connected) parts.push("No connection to the station; what you see is the last that came.");
   if (isStale()) parts.push(`Stale: the last frame is ${age(ageSeconds())}. It does not say what the air is like now.`);
   else if (state.current && ageSeconds() > OLD_S)
     parts.push(`A replay: its latest frame is of ${time(state.current.timestamp, true)}. It does not say what the air is like now.`);
@@ -101,8 +102,11 @@ function forgetCamera() {
   $("profile-box").hidden = true;
   for (const id of ["value", "band", "mean", "time", "age", "used", "metar", "quality"]) text(id, "–");
   for (const id of ["limit", "value-unit", "trend", "weather"]) text(id, "");
+  document.title = "lampglow";
   series.set([]);
+  text("legend", "");
   $("lights").replaceChildren();
+  $("marks").replaceChildren();
   showPicture({});
   showNotice();
 }
@@ -148,7 +152,7 @@ function showPicture({ blob, time: taken, locked }) {
   $("picture").hidden = !blob;
   $("marks").hidden = !blob;
   $("no-picture").hidden = Boolean(blob);
-  $("sign-in").hidden = !locked;
+  $("sign-in").hidden = !locked && !state.locked;
   text("no-picture", locked ? "Pictures need a token." : "No picture yet.");
   text("picture-time", blob && taken ? time(taken, true) : "");
   if (state.pictureUrl) URL.revokeObjectURL(state.pictureUrl);
@@ -323,9 +327,12 @@ function onMessage(type, data) {
 
 const refreshAll = atMostOneAtATime(loadAll);
 
-function onConnection(connected) {
+function onConnection(how) {
+  const connected = how === "connected";
   const back = connected && !state.connected;
   state.connected = connected;
+  state.locked = how === "locked";
+  if (state.locked) $("sign-in").hidden = false;
   showNotice();
   if (back) refreshAll();
 }
@@ -354,7 +361,7 @@ $("unit").addEventListener("click", () => changeSetting("unit", settings.unit ==
 $("zone").addEventListener("click", () => changeSetting("zone", settings.zone === "UTC" ? "local" : "UTC"));
 $("theme").addEventListener("click", () => changeSetting("theme", THEMES[(THEMES.indexOf(settings.theme) + 1) % THEMES.length]));
 $("annotated").addEventListener("change", () => loadPicture().catch((error) => console.info(error.message)));
-$("sign-in").addEventListener("click", () => { askAgain(); refreshAll(); });
+$("sign-in").addEventListener("click", () => { signIn(); refreshAll(); });
 $("camera").addEventListener("change", () => { state.camera = $("camera").value; forgetCamera(); refreshAll(); });
 showSettings();
 setInterval(showAge, 1000);

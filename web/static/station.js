@@ -6,25 +6,26 @@ function headers(extra) {
   return token ? { ...extra, Authorization: `Bearer ${token}` } : { ...extra };
 }
 
-// Pictures may need a token where everything else does not.
-const kindOf = (path) => (path.startsWith("/v1/frames") ? "pictures" : "everything");
-const declined = new Set();
+// Pictures may need a token where everything else does not: nobody is asked for theirs unasked.
+const isPicture = (path) => path.startsWith("/v1/frames");
+let wanted = false;    // by the button
+let declined = false;  // who says no is not asked again, but by the button
+let wake = () => {};
 
-// Resolves to whether one was given. Who says no is not asked again for this kind; askAgain() takes that back.
-function askForToken(kind) {
+function askForToken() {
   if (asking) return asking;
   const dialog = document.getElementById("login");
   asking = new Promise((resolve) => {
     dialog.addEventListener("close", () => {
-      const given = dialog.returnValue === "given";
-      if (given) {
+      if (dialog.returnValue === "given") {
         token = document.getElementById("token").value.trim();
         sessionStorage.setItem("token", token);
       } else {
-        declined.add(kind);
+        declined = true;
       }
+      wanted = false;
       asking = null;
-      resolve(given);
+      resolve();
     }, { once: true });
     dialog.returnValue = "";
     dialog.showModal();
@@ -32,16 +33,20 @@ function askForToken(kind) {
   return asking;
 }
 
-export function askAgain() {
-  declined.clear();
+export function signIn() {
+  wanted = true;
+  declined = false;
+  wake();
 }
+
+const LONGEST_MS = 30e3;  // one request that hangs must not hold up all that follow it
 
 // `cache`: "no-store" where the answer counts from the moment it was made.
 async function request(path, { extra = {}, cache = "no-cache", signal } = {}) {
   for (;;) {
-    const response = await fetch(path, { headers: headers(extra), cache, signal });
-    if (response.status !== 401 || declined.has(kindOf(path))) return response;
-    await askForToken(kindOf(path));
+    const response = await fetch(path, { headers: headers(extra), cache, signal: signal || AbortSignal.timeout(LONGEST_MS) });
+    if (response.status !== 401 || declined || (isPicture(path) && !wanted)) return response;
+    await askForToken();
   }
 }
 
@@ -88,25 +93,28 @@ function parseMessage(text) {
 
 const SILENCE_MS = 45e3;  // three of the station's heartbeats: the connection is dead, whatever the system thinks
 
-// fetch rather than EventSource, which can send no token. Calls back with every message and with true or false as the
-// connection comes and goes; tries again for ever.
+// fetch rather than EventSource, which can send no token. Calls back with every message and with "connected", "lost" or
+// "locked" (a token is missing) as the connection comes and goes; tries again for ever.
 export async function follow(onMessage, onConnection) {
   let last = "";
   for (let wait = 1000; ; wait = Math.min(wait * 2, 30000)) {
     const silence = new AbortController();
-    let timer = 0;
+    let timer = 0, state = "lost";
     const heard = () => {
       clearTimeout(timer);
       timer = setTimeout(() => silence.abort(), SILENCE_MS);
     };
     try {
+      heard();
       const response = await request("/v1/stream", { extra: last ? { "Last-Event-ID": last } : {}, signal: silence.signal });
+      if (response.status === 401) state = "locked";
       if (!response.ok) throw new Error(String(response.status));
-      onConnection(true);
+      onConnection("connected");
       wait = 1000;
       const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
       let buffer = "";
-      for (heard(); ; heard()) {
+      for (;;) {
+        heard();
         const { value, done } = await reader.read();
         if (done) break;
         buffer += value;
@@ -122,7 +130,10 @@ export async function follow(onMessage, onConnection) {
       console.info("stream:", error.message);
     }
     clearTimeout(timer);
-    onConnection(false);
-    await new Promise((resolve) => setTimeout(resolve, wait));
+    onConnection(state);
+    await new Promise((resolve) => {
+      wake = resolve;
+      setTimeout(resolve, wait);
+    });
   }
 }

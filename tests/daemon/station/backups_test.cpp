@@ -42,7 +42,7 @@ class BackupsTest : public testing::Test {
   // What the backup of this time says, which may take `patience`; empty: none is made.
   std::optional<Told> at_time(const char* time, std::chrono::seconds patience = std::chrono::seconds(20)) {
     std::promise<Told> told;
-    Backups backups(file, copies, 2, 3, [&](Backups::Result result, const std::string& message) {
+    Backups backups(file, copies, 2, 3, [&](Backups::Result result, const std::string& message, const auto&) {
       told.set_value({result, message});
     });
     backups.tick(at(time));
@@ -94,7 +94,8 @@ TEST_F(BackupsTest, OneThatIsBrokenOffEndsAtOnceAndLeavesNothing) {
   const double whole_s = seconds([&] { storage::backup(file, folder.path() / "whole.db"); });
   bool told = false;
   for (const double part : {0.0, 0.3, 0.7}) {  // in the copy and in its check
-    Backups backups(file, copies, 2, 3, [&](Backups::Result, const std::string&) { told = true; });
+    Backups backups(file, copies, 2, 3,
+                    [&](Backups::Result, const std::string&, const auto&) { told = true; });
     backups.tick(at("2026-11-22T03:00:00Z") + std::chrono::hours(24 * static_cast<int>(10 * part)));
     std::this_thread::sleep_for(std::chrono::duration<double>(part * whole_s));
     EXPECT_LT(seconds([&] { backups.stop(); }), 0.2 * whole_s + 0.1) << "of " << whole_s << " s";

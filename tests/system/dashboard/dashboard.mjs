@@ -91,7 +91,8 @@ try {
 
   // Another camera: nothing of the first one's stands under its name.
   const nothing = async () => (await page.textContent("#time")) === "–" && (await page.textContent("#value")) === "–" &&
-    /waiting/.test(await page.textContent("#weather")) && !(await page.isVisible("#picture"));
+    /waiting/.test(await page.textContent("#weather")) && !(await page.isVisible("#picture")) &&
+    (await page.textContent("#legend")) === "" && !/[0-9]/.test(await page.title());
   await page.selectOption("#camera", "empty");
   await until("empty page of a camera without pictures", nothing, 20);
   await page.selectOption("#camera", "night");
@@ -111,10 +112,12 @@ try {
   station.kill("SIGHUP");
   await until("protection", async () => (await fetch(`${base}/v1/frames/latest.jpg`)).status === 401, 20);
   await page.reload();
-  await until("question for a token", async () => page.isVisible("#login"), 20);
-  await page.keyboard.press("Escape");
   await until("words instead of the picture", async () => /need a token/.test(await page.textContent("#no-picture")), 20);
   assert.notEqual(await page.textContent("#time"), "–");
+  assert.ok(!(await page.isVisible("#login")), "asks for what nobody wants");
+  await page.click("#sign-in");
+  await until("question for a token", async () => page.isVisible("#login"), 20);
+  await page.keyboard.press("Escape");
   await new Promise((resolve) => setTimeout(resolve, 2000));
   assert.ok(!(await page.isVisible("#login")), "asks again and again");
   await page.click("#sign-in");
@@ -122,6 +125,21 @@ try {
   await page.fill("#token", "let me in");
   await page.keyboard.press("Enter");
   await until("picture for one with a token", async () => page.isVisible("#picture"), 20);
+
+  // Everything: who says no to the question is told why there is nothing, and can change their mind.
+  configure(`protect = "everything"\ntoken_hashes = ["${createHash("sha256").update("another").digest("hex")}"]`);
+  station.kill("SIGHUP");
+  await until("protection", async () => (await fetch(`${base}/v1/current`)).status === 401, 20);
+  await page.reload();
+  await until("question for a token", async () => page.isVisible("#login"), 40);
+  await page.keyboard.press("Escape");
+  await until("notice of the missing token", async () => /without a token/.test(await page.textContent("#notice")), 20);
+  await page.click("#sign-in");
+  await until("question for a token", async () => page.isVisible("#login"), 20);
+  await page.fill("#token", "another");
+  await page.keyboard.press("Enter");
+  await until("page for one with a token", async () => (await page.textContent("#time")) !== "–" && page.isVisible("#picture"), 40);
+  await until("no notice of it", async () => !/without a token/.test(await page.textContent("#notice")), 20);
 
   station.kill("SIGTERM");
   await until("notice of the lost connection", async () => /No connection/.test(await page.textContent("#notice")), 20);

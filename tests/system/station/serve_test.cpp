@@ -267,6 +267,30 @@ TEST_F(Station, TlsByOptionForThoseWhoTrustItsCertificateAndSpeakAVersionThatHol
   EXPECT_THAT(wrong.log(), HasSubstr("server.key"));
 }
 
+// Beside the new file lies the old one's WAL for some seconds: nothing is read with that.
+TEST_F(Station, ABackupThatIsPutBackWhileItRunsIsGoneOnWith) {
+  configure("archive:" + archive().string());
+  Serving station(config_file(), folder_ / "log");
+  ASSERT_TRUE(has_observations(kFrames + kClearReferences)) << station.log();
+  const std::string copy = (folder_ / "copy.db").string();
+  ASSERT_EQ(run_program({"db", "backup", database(), copy}).exit_code, 0);
+  fs::rename(copy, database());
+  bool refused = false;
+  EXPECT_TRUE(eventually(20s, [&] {
+    const int status = ask(port_, "/v1/observations").status;
+    refused |= status == 503;
+    return refused && status == 200;
+  })) << station.log();
+  EXPECT_EQ(get("/v1/observations").at("observations").as_array().size(), kFrames + kClearReferences);
+  EXPECT_THAT(station.log(), HasSubstr("was replaced"));
+  EXPECT_THAT(station.log(), Not(HasSubstr("cannot be written")));
+  end_well(station);
+  int wal = 0;
+  for (const auto& entry : fs::directory_iterator(folder_ / "data"))
+    wal += entry.path().filename().string().find(".replaced-") != std::string::npos;
+  EXPECT_GE(wal, 1) << "the old WAL is not kept";
+}
+
 // quick_check at the start found nothing: the disk spoils a page later.
 TEST_F(Station, DamageThatTheNightlyBackupFindsEndsInAFreshDatabase) {
   configure("archive:" + archive().string());
