@@ -256,8 +256,12 @@ TEST(Speed, RenderingCostsAtMostHalfMoreThanItsTransforms) {
   options.medium = {0.01, 1, 0.9};
   options.focal_length_px = 5000;
   std::vector<float> clear(std::size_t{4000} * 3000, 0.01f), out(clear.size());
-  const double render = seconds(3, [&] { render_glow(clear, 4000, 3000, {}, 100, options, out); });
-  const double bare = seconds(3, [&] { bare_transforms(4000, 3000); });
+  // In turns, so that a neighbour who comes for some seconds disturbs both.
+  double render = 1e9, bare = 1e9;
+  for (int turn = 0; turn < 5; ++turn) {
+    render = std::min(render, seconds(1, [&] { render_glow(clear, 4000, 3000, {}, 100, options, out); }));
+    bare = std::min(bare, seconds(1, [&] { bare_transforms(4000, 3000); }));
+  }
   std::printf("12 Mpixel: %.2f s, bare transforms %.2f s, ratio %.2f\n", render, bare, render / bare);
 #ifndef __SANITIZE_ADDRESS__
   EXPECT_LE(render / bare, 1.5);
