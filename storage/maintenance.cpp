@@ -147,7 +147,7 @@ bool backup(const std::filesystem::path& database, const std::filesystem::path& 
 }
 
 std::filesystem::path set_aside(const std::filesystem::path& database, TimePoint now) {
-  const std::filesystem::path aside = unused_name(database, "corrupt", now);
+  std::filesystem::path aside = unused_name(database, "corrupt", now);
   for (const char* suffix : {"-wal", "-shm", ""})
     move_if_there(database.string() + suffix, aside.string() + suffix);
   return aside;

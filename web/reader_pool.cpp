@@ -23,7 +23,8 @@ ReaderPool::Held ReaderPool::take() {
       if (held.file == *now) return held;
     }
   }
-  return {std::make_unique<storage::Reader>(file_), *now};
+  auto reader = std::make_unique<storage::Reader>(file_);
+  return {std::move(reader), *now};
 }
 
 void ReaderPool::give_back(Held held) {

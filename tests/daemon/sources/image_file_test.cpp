@@ -130,7 +130,7 @@ std::string tiff_with(std::map<std::uint32_t, std::uint32_t> tags) {
     put(value, 4);
   }
   put(0, 4);
-  return file + std::string(64 * 48, 'x');
+  return file + std::string(std::size_t{64} * 48, 'x');
 }
 
 // A fuzzer found that libtiff takes RowsPerStrip for the side of a tile that is not told: 2 GB for 314 bytes.

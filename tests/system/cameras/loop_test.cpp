@@ -182,7 +182,7 @@ TEST_F(CameraLoopTest, PicturesThatCantBeTrueOneAfterTheOther) {
   const auto paint = [this] { painting_ = true; };
   const auto half_grey = [] {
     auto picture = night(1);
-    std::fill(picture.pixels.begin() + 320 * 120, picture.pixels.end(), std::uint16_t{128});
+    std::fill(picture.pixels.begin() + std::ptrdiff_t{320} * 120, picture.pixels.end(), std::uint16_t{128});
     return jpeg_of(picture);
   };
   expect_fault(
