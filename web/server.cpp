@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <boost/asio.hpp>
 #include <boost/asio/ssl.hpp>
 #include <boost/beast/core.hpp>
@@ -14,6 +13,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "web/large_answers.h"
 #include "web/reader_pool.h"
 #include "web/wire.h"
 
@@ -49,48 +49,6 @@ std::shared_ptr<asio::ssl::context> tls_context(const TlsFiles& files) {
   if (error) throw std::runtime_error(files.key.string() + ": no usable PEM key for it: " + error.message());
   return context;
 }
-
-// What all answers of the database that are on their way may hold together. Small ones are always let
-// through.
-class LargeAnswers {
- public:
-  explicit LargeAnswers(size_t most_bytes) : most_bytes_(most_bytes) {}
-  bool take(size_t bytes) {
-    if (bytes <= kSmall_bytes) return true;
-    if (held_.fetch_add(bytes) + bytes <= most_bytes_) return true;
-    held_ -= bytes;
-    return false;
-  }
-  void give_back(size_t bytes) {
-    if (bytes > kSmall_bytes) held_ -= bytes;
-  }
-
- private:
-  static constexpr size_t kSmall_bytes = 256 << 10;
-  const size_t most_bytes_;
-  std::atomic<size_t> held_{0};
-};
-
-// One answer's part of it.
-class Place {
- public:
-  Place() = default;
-  Place(LargeAnswers& all, size_t bytes) : all_(all.take(bytes) ? &all : nullptr), bytes_(bytes) {}
-  Place(Place&& other) noexcept : all_(std::exchange(other.all_, nullptr)), bytes_(other.bytes_) {}
-  Place& operator=(Place&& other) noexcept {
-    std::swap(all_, other.all_);
-    std::swap(bytes_, other.bytes_);
-    return *this;
-  }
-  ~Place() {
-    if (all_) all_->give_back(bytes_);
-  }
-  bool given() const { return all_ != nullptr; }
-
- private:
-  LargeAnswers* all_ = nullptr;
-  size_t bytes_ = 0;
-};
 
 struct Held {
   Response response;

@@ -33,6 +33,7 @@ std::chrono::seconds longest_check(const std::filesystem::path& file) {
   return std::chrono::seconds(120 + (none ? 0 : bytes >> 19));  // 0.5 MiB/s
 }
 
+// Tells the watchdog's keeper of a step that may take long, and of its end however it ends.
 class LongStep {
  public:
   LongStep(const std::function<void(std::chrono::seconds)>& tell, std::chrono::seconds at_most)

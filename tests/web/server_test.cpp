@@ -297,10 +297,15 @@ TEST_F(ServerTest, LargeAnswersTogetherAreBounded) {
   EXPECT_EQ(sent + refused, 8);
   EXPECT_EQ(ask("/v1/observations?limit=5").status, 200) << "a small one";
   clients.clear();
-  std::this_thread::sleep_for(std::chrono::milliseconds(200));
-  Client after(server->port());
-  after.send(large);
-  EXPECT_THAT(after.read_until("\r\n\r\n"), HasSubstr("HTTP/1.1 200")) << "their place was not given back";
+  bool given_back = false;
+  for (int tries = 0; tries < 100 && !given_back;
+       ++tries) {  // the server hears of each closed connection by itself
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    Client after(server->port());
+    after.send(large);
+    given_back = after.read_until("\r\n\r\n").starts_with("HTTP/1.1 200");
+  }
+  EXPECT_TRUE(given_back);
 }
 
 TEST_F(ServerTest, ARequestNamesOneHost) {

@@ -118,7 +118,6 @@ TEST_F(KeeperTest, ADeletedDatabaseIsMadeAnewWhileRunning) {
   EXPECT_THAT(events.front().message, HasSubstr("was removed"));
 }
 
-// A file size limit is what a full disk looks like to SQLite: the write fails, and later it does not.
 TEST_F(KeeperTest, ABackupPutBackWhileRunningIsGoneOnWithAndTheOldWalDoesNotSpoilIt) {
   {
     auto k = keeper();
@@ -193,6 +192,7 @@ TEST_F(KeeperTest, AClockThatIsAYearAheadDropsNextToNothing) {
   EXPECT_EQ(stored(), 60);
 }
 
+// A file size limit is what a full disk looks like to SQLite: the write fails, and later it does not.
 TEST_F(KeeperTest, AFullDiskMakesObservationsWaitAndNoneIsLost) {
   auto k = keeper();
   fill(*k, 0, 5);
